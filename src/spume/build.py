@@ -1,0 +1,541 @@
+"""From a case to the rows of the particle table, and to a simulation."""
+
+from __future__ import annotations
+
+import itertools
+import logging
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spume.case import AXES, Case, CaseError
+from spume.geometry import Grid, Shape, fill
+from spume.geometry.grid import TooManyCellsError
+from spume.geometry.layers import masters
+from spume.initial.base import Setting
+from spume.named import Location, nearest_match
+from spume.outputs import Snapshot
+from spume.particles import BASE_FIELDS, DUMMY, FLUID, WALL
+from spume.problems import Problem
+
+if TYPE_CHECKING:
+    from spume.simulation import Simulation
+
+log = logging.getLogger("spume")
+
+Rows = dict[str, NDArray[Any]]
+BYTES_PER_ROW = {2: 1500, 3: 2500}
+"""Memory of a run per row of the table [bytes], everything included."""
+_BYTES_PER_CELL = 100  # while a shape's window is searched
+
+
+def memory() -> int:
+    """Return this machine's memory [bytes]; where it cannot be asked, 8 GiB."""
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError, OSError):
+        return 8 << 30
+
+
+def grid_of(case: Case) -> Grid:
+    """Return the common lattice of a case's shapes.
+
+    Along a periodic axis it starts at the domain's lower bound, else at the lower corner of the
+    first body that the fluid fills (a tank), else of the first fluid.
+
+    Raises:
+        CaseError: the period is no multiple of the spacing.
+    """
+    inner = [getattr(body, "shape", None) for body in case.body if getattr(body, "wet_inside", False)]
+    first: Shape = next((shape for shape in inner if shape is not None), case.fluid[0].shape)
+    origin = [float(x) for x in first.bounds()[0]]
+    problems = []
+    for k, (start, period) in case.domain.periods().items():
+        origin[k] = start
+        cells = period / case.spacing
+        if abs(cells - round(cells)) > 1e-6 * max(1.0, cells) or round(cells) < 1:
+            problems.append(
+                case.problem(
+                    ("spacing",),
+                    f"the period along {AXES[k]} is {cells:g} spacings; it must be a whole number of them",
+                )
+            )
+    if problems:
+        raise CaseError(problems)
+    return Grid(tuple(origin), case.spacing, largest=memory() // _BYTES_PER_CELL)
+
+
+def initial_rows(case: Case) -> Rows:
+    """Return all rows of a case at the start: fluids in the case's order, then bodies.
+
+    Returns:
+        ``position``, ``velocity``, ``to_surface`` (n, d); ``pressure``, ``density``,
+        ``kinematic_viscosity`` (n,); ``kind``, ``body``, ``material``, ``id``, ``master`` (n,) integers.
+        SI units; ``master`` is the id of the wall row that a dummy copies, for other rows their own.
+
+    Raises:
+        CaseError: a fluid without particles, fluids that overlap, fluid inside a wall, shapes that the
+            spacing cannot resolve, more particles than memory holds.
+    """
+    grid = grid_of(case)
+    volume = sum(fluid.shape.measure() for fluid in case.fluid)
+    _check_memory(case, volume / case.spacing**case.dimension)  # before anything is filled
+    wet = _fluid_cells(case, grid)
+    solid = _body_rows(case, grid)
+    _check_fluid_and_walls(case, grid, wet, solid)
+    rows = _join([*_fluid_rows(case, grid, wet), *solid], case.dimension)
+    _adopt_fluid(case, rows)
+    _check_memory(case, len(rows["kind"]))
+    return rows
+
+
+def _check_memory(case: Case, count: float) -> None:
+    """Refuse more particles than this machine's memory holds."""
+    need, have = count * BYTES_PER_ROW[case.dimension], memory()
+    if need > have:
+        message = f"{count:.3g} particles need about {need / 2**30:,.0f} GiB, this machine has "
+        message += f"{have / 2**30:,.0f} GiB: choose a larger spacing"
+        raise case.error(("spacing",), message)
+
+
+# ------------------------------------------------------------------------------------------ fluids
+
+
+def _fluid_cells(case: Case, grid: Grid) -> list[NDArray[np.float64]]:
+    """Return the cell centres [m] of each fluid at rest."""
+    found: list[NDArray[np.float64]] = []
+    problems: list[Problem] = []
+    taken: dict[str, NDArray[np.int64]] = {}
+    for index, fluid in enumerate(case.fluid):
+        loc: Location = ("fluid", index, "shape")
+        points = np.empty((0, grid.dimension))
+        try:
+            shape, moved = fluid.shape.snapped(grid)
+            for sentence in moved:
+                log.warning("%s: %s", case.origin.name(loc) or f"fluid {fluid.name}", sentence)
+            points = fill(shape, grid)
+        except TooManyCellsError as error:
+            problems.append(case.problem(("spacing",), f"too small for fluid {fluid.name!r}: {error}"))
+        except ValueError as error:
+            problems.append(case.problem(loc, str(error)))
+        else:
+            if len(points) == 0:
+                problems.append(
+                    case.problem(loc, f"no particle fits: it holds no cell of the spacing {grid.spacing:g} m")
+                )
+        keys = _keys(grid.cells(points), grid, case)
+        for name, others in taken.items():
+            shared = np.isin(keys, others)
+            if shared.any():
+                first = _point(points[shared][0])
+                message = f"{int(shared.sum())} of the {len(keys)} particles of fluid {fluid.name!r} lie in "
+                problems.append(case.problem(loc, f"{message}fluid {name!r}, the first at {first} m"))
+        taken[fluid.name] = keys
+        found.append(points)
+    if problems:
+        raise CaseError(problems)
+    return found
+
+
+def _fluid_rows(case: Case, grid: Grid, wet: Sequence[NDArray[np.float64]]) -> list[Rows]:
+    """Return the rows of each fluid: displaced, disturbed and set in motion by its initial fields."""
+    tables = []
+    for index, (fluid, cells) in enumerate(zip(case.fluid, wet, strict=True)):
+        setting = _setting(case, index, grid)
+        points = cells
+        try:
+            for field in fluid.initial:
+                points = field.displaced(points, setting)
+        except ValueError as error:
+            raise case.error(("fluid", index, "initial"), str(error)) from None
+        if fluid.disturbance > 0.0:
+            reach = fluid.disturbance * case.spacing
+            points = points + np.random.default_rng(fluid.seed).uniform(-reach, reach, points.shape)
+        points = _wrapped(case, points)
+        n = len(points)
+        tables.append(
+            {
+                "position": points,
+                "velocity": sum((f.velocity(points, setting) for f in fluid.initial), np.zeros_like(points)),
+                "pressure": sum((f.pressure(points, setting) for f in fluid.initial), np.zeros(n)),
+                "kind": np.full(n, FLUID),
+                "body": np.full(n, -1),
+                "material": np.full(n, index),
+                "master": np.arange(n),
+            }
+        )
+    return tables
+
+
+def _setting(case: Case, index: int, grid: Grid) -> Setting:
+    fluid = case.fluid[index]
+    lower, upper = fluid.shape.snapped(grid)[0].bounds()
+    assert case.domain.gravity is not None
+    return Setting(fluid.density, case.domain.gravity.at(0.0), lower, upper)
+
+
+def _wrapped(case: Case, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the points moved into the first period of the domain."""
+    points = points.copy()
+    for k, (low, period) in case.domain.periods().items():
+        points[:, k] = low + np.mod(points[:, k] - low, period)
+        points[points[:, k] >= low + period, k] = low  # the remainder of -1e-17 is the period itself
+    return points
+
+
+# ------------------------------------------------------------------------------------------ bodies
+
+
+def _body_rows(case: Case, grid: Grid) -> list[Rows]:
+    """Return the rows of each body, without those that coincide with rows of another one."""
+    tables: list[Rows] = []
+    problems: list[Problem] = []
+    for index, body in enumerate(case.body):
+        loc: Location = ("body", index)
+        try:
+            shape = getattr(body, "shape", None)
+            for sentence in [] if shape is None else shape.snapped(grid)[1]:
+                log.warning("%s: %s", case.origin.name((*loc, "shape")) or f"body {body.name}", sentence)
+            rows = body.rows(grid.spacing, grid.dimension, grid.origin)
+        except TooManyCellsError as error:
+            problems.append(case.problem(("spacing",), f"too small for body {body.name!r}: {error}"))
+            continue
+        except ValueError as error:
+            problems.append(case.problem((*loc, "shape"), str(error)))
+            continue
+        rows["body"] = np.full(len(rows["kind"]), index)
+        tables.append(_in_one_period(case, rows))
+    if problems:
+        raise CaseError(problems)
+    return _merged(case, grid, tables) if len(tables) > 1 else tables
+
+
+def _in_one_period(case: Case, rows: Rows) -> Rows:
+    """Return the rows that lie in the first period of a periodic axis; the others are their images."""
+    keep = np.ones(len(rows["kind"]), dtype=bool)
+    for k, (low, period) in case.domain.periods().items():
+        x = rows["position"][:, k]
+        keep &= (x > low) & (x < low + period)
+    return rows if keep.all() else _kept(rows, keep)
+
+
+def _kept(rows: Rows, keep: NDArray[np.bool_]) -> Rows:
+    """Return some of a body's rows; a dummy that lost its master copies the nearest wall row left."""
+    number = np.cumsum(keep) - 1
+    lost = ~keep[rows["master"]]
+    master = np.where(lost, -1, number[rows["master"]])[keep]
+    rows = {name: values[keep] for name, values in rows.items()}
+    nearest = masters(rows["position"], rows["kind"] == WALL, rows["to_surface"])
+    rows["master"] = np.where(master < 0, nearest, master)
+    return rows
+
+
+def _merged(case: Case, grid: Grid, tables: list[Rows]) -> list[Rows]:
+    """Return the rows of several bodies with one row a cell, and dummies where no fluid can reach.
+
+    Where rows coincide a wall row goes before a dummy, then the earlier body. A wall row all of whose
+    neighbouring cells are solid (the floor under a block) becomes a dummy.
+    """
+    size = [len(table["kind"]) for table in tables]
+    kind = np.concatenate([table["kind"] for table in tables])
+    position = np.concatenate([table["position"] for table in tables])
+    cells = grid.cells(position)
+    keys = _keys(cells, grid, case)
+    order = np.lexsort((np.arange(len(keys)), kind == DUMMY))  # wall rows first, then earlier bodies
+    _, first = np.unique(keys[order], return_index=True)
+    keep = np.zeros(len(keys), dtype=bool)
+    keep[order[first]] = True
+
+    candidates = np.flatnonzero(keep & (kind == WALL))
+    enclosed = np.ones(len(candidates), dtype=bool)
+    occupied = np.unique(keys)
+    for offset in itertools.product((-1, 0, 1), repeat=grid.dimension):
+        near = cells[candidates] + np.array(offset)
+        solid = np.isin(_keys(near, grid, case), occupied)
+        for body in case.body:
+            solid |= body.core(grid.centres(near), grid.spacing, grid.origin)
+        enclosed &= solid
+    demoted = np.zeros(len(keys), dtype=bool)
+    demoted[candidates[enclosed]] = True
+
+    result = []
+    for table, kept, down in zip(
+        tables, np.split(keep, np.cumsum(size)[:-1]), np.split(demoted, np.cumsum(size)[:-1]), strict=True
+    ):
+        table = dict(table)
+        if down.any():
+            table["kind"] = np.where(down, DUMMY, table["kind"])
+            fresh = masters(table["position"], (table["kind"] == WALL) & kept, table["to_surface"])
+            table["master"] = np.where(down | down[table["master"]], fresh, table["master"])
+        result.append(table if kept.all() else _kept(table, kept))
+    return result
+
+
+def _check_fluid_and_walls(
+    case: Case, grid: Grid, wet: Sequence[NDArray[np.float64]], solid: Sequence[Rows]
+) -> None:
+    """Refuse fluid in cells of a body's rows or deep inside a body."""
+    problems = []
+    cells = [_keys(grid.cells(table["position"]), grid, case) for table in solid]
+    for index, (fluid, points) in enumerate(zip(case.fluid, wet, strict=True)):
+        keys = _keys(grid.cells(points), grid, case)
+        for body, rows in zip(case.body, cells, strict=True):
+            hit = np.isin(keys, rows) | body.core(points, grid.spacing, grid.origin)
+            if hit.any():
+                first = _point(points[hit][0])
+                message = f"{int(hit.sum())} of the {len(points)} particles of fluid {fluid.name!r} lie in "
+                message += f"body {body.name!r}, the first at {first} m"
+                problems.append(case.problem(("fluid", index, "shape"), message))
+    if problems:
+        raise CaseError(problems)
+
+
+# ------------------------------------------------------------------------------------- all together
+
+
+def _join(tables: Sequence[Rows], dimension: int) -> Rows:
+    """Return the tables one after the other, numbered; `master` becomes an id."""
+    parts: dict[str, list[NDArray[Any]]] = {}
+    start = 0
+    for table in tables:
+        n = len(table["kind"])
+        fallback: Rows = {
+            "to_surface": np.zeros((n, dimension)),
+            "velocity": np.zeros((n, dimension)),
+            "pressure": np.zeros(n),
+            "material": np.zeros(n, dtype=int),
+        }
+        for name in ("position", "velocity", "pressure", "to_surface", "kind", "body", "material"):
+            parts.setdefault(name, []).append(np.asarray(table.get(name, fallback.get(name))))
+        parts.setdefault("master", []).append(table["master"] + start)
+        start += n
+    rows = {name: np.concatenate(values) for name, values in parts.items()}
+    rows["id"] = np.arange(start)
+    for name in ("kind", "body", "material", "master", "id"):
+        rows[name] = rows[name].astype(np.int32)
+    return rows
+
+
+def _adopt_fluid(case: Case, rows: Rows) -> None:
+    """Give every solid row the material of the nearest fluid, and its initial pressure where it is wet."""
+    from scipy.spatial import cKDTree
+
+    fluid = rows["kind"] == FLUID
+    solid = np.flatnonzero(~fluid)
+    if len(solid):
+        distance, nearest = cKDTree(rows["position"][fluid]).query(rows["position"][solid])
+        rows["material"][solid] = rows["material"][fluid][nearest]
+        wet = solid[distance < 1.5 * case.spacing]
+        grid = grid_of(case)
+        for index, entry in enumerate(case.fluid):
+            mine = wet[rows["material"][wet] == index]
+            setting = _setting(case, index, grid)
+            for field in entry.initial:
+                rows["pressure"][mine] += field.pressure(rows["position"][mine], setting)
+    density = np.array([entry.density for entry in case.fluid])
+    viscosity = np.array([entry.viscosity for entry in case.fluid])
+    rows["density"] = density[rows["material"]]
+    rows["kinematic_viscosity"] = viscosity[rows["material"]]
+
+
+def _keys(cells: NDArray[np.int64], grid: Grid, case: Case) -> NDArray[np.int64]:
+    """Return one number per cell; cells a period apart have the same one."""
+    cells = cells.copy()
+    for k, (_, period) in case.domain.periods().items():
+        cells[:, k] %= round(period / grid.spacing)
+    bits = 63 // grid.dimension
+    offset = cells + (1 << (bits - 1))
+    keys = np.zeros(len(cells), dtype=np.int64)
+    for column in offset.T:
+        keys = (keys << bits) | column
+    return keys
+
+
+def _point(x: NDArray[np.float64]) -> str:
+    return f"({', '.join(f'{c:.4g}' for c in x)})"
+
+
+def initial_snapshot(case: Case, rows: Rows) -> Snapshot:
+    """Return the initial rows as outputs see them."""
+    assert case.domain.gravity is not None
+    fields = {field.name: field for field in BASE_FIELDS}
+
+    def fetch(name: str) -> NDArray[Any]:
+        if name in rows:
+            return rows[name]
+        shape = (len(rows["kind"]), *fields[name].value_shape(case.dimension))
+        return np.full(shape, fields[name].initial)
+
+    return Snapshot(
+        fetch,
+        time=0.0,
+        step=0,
+        dt=0.0,
+        spacing=case.spacing,
+        dimension=case.dimension,
+        gravity=case.domain.gravity.at(0.0),
+        bodies=tuple(body.name for body in case.body),
+        fields=fields,
+    )
+
+
+def check_gauges(case: Case, rows: Rows) -> None:
+    """Refuse gauges and references that do not fit the case, and gauges outside the domain.
+
+    Raises:
+        CaseError: every such gauge and reference.
+    """
+    snapshot = initial_snapshot(case, rows)
+    lower = rows["position"].min(axis=0) - case.spacing / 2
+    upper = rows["position"].max(axis=0) + case.spacing / 2
+    for k, (start, period) in case.domain.periods().items():
+        lower[k], upper[k] = start, start + period
+    if not case.body and not case.domain.periodic:  # free to go anywhere
+        lower, upper = lower - math.inf, upper + math.inf
+    problems = []
+    for index, gauge in enumerate(case.gauge):
+        try:
+            gauge.check(snapshot)
+        except ValueError as error:
+            text = str(error).removeprefix(f"gauge {gauge.name!r}: ")
+            problems.append(case.problem(("gauge", index), text))
+            continue
+        at = np.asarray(getattr(gauge, "at", ()), dtype=float)
+        m = min(len(at), case.dimension)
+        if m and not np.all((at[:m] >= lower[:m] - 1e-9) & (at[:m] <= upper[:m] + 1e-9)):
+            box = f"{_point(lower[:m])} … {_point(upper[:m])}"
+            problems.append(case.problem(("gauge", index, "at"), f"must lie in the domain, {box} m"))
+    columns = {gauge.name: list(gauge.columns(case.dimension)) for gauge in case.gauge}
+    for index, reference in enumerate(case.reference):
+        try:
+            reference.load()
+        except ValueError as error:
+            problems.append(case.problem(("reference", index, "file"), str(error)))
+        known = columns[reference.gauge]
+        if reference.value and reference.value not in known:
+            near = nearest_match(reference.value, known)
+            message = f"must be a column of the gauge: {', '.join(known)}{near}"
+            problems.append(case.problem(("reference", index, "value"), message))
+    if problems:
+        raise CaseError(problems)
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What a run will take, roughly.
+
+    Attributes:
+        fluid, rows: particles.
+        steps: time steps.
+        bytes: memory.
+        seconds: wall time.
+    """
+
+    fluid: int
+    rows: int
+    steps: int
+    bytes: int
+    seconds: float
+
+
+def predict(case: Case, rows: Rows, threads: int) -> Prediction:
+    """Return an estimate of steps, memory and time on `threads` processor threads.
+
+    The speed is taken as that of a fall over the fluid's height, at least that of the initial field;
+    the cost as microseconds per fluid particle and step.
+    """
+    assert case.domain.gravity is not None
+    fluid = rows["kind"] == FLUID
+    position = rows["position"][fluid]
+    g = float(np.linalg.norm(case.domain.gravity.at(0.0)))
+    speed = max(
+        math.sqrt(2.0 * g * float(np.ptp(position[:, -1]) + case.spacing)),
+        float(np.linalg.norm(rows["velocity"], axis=1).max(initial=0.0)),
+        math.sqrt(case.domain.gravity.stiffness) * float(np.ptp(position, axis=0).max()),
+        1e-6,
+    )
+    dt = case.time.courant * case.spacing / speed
+    viscosity = max(entry.viscosity for entry in case.fluid)
+    if viscosity > 0.0:
+        dt = min(dt, 0.1 * case.spacing**2 / viscosity)
+    dt = min(dt, case.time.step_max or math.inf, case.time.end)
+    steps = math.ceil(case.time.end / dt)
+    count = int(fluid.sum())
+    cost = _MICROSECONDS[case.dimension] / min(threads, 16)
+    seconds = 10.0 + steps * (count * cost * 1e-6 + 1e-3)
+    total = len(fluid)
+    size = total * BYTES_PER_ROW[case.dimension] + (300 << 20)
+    return Prediction(count, total, steps, size, seconds)
+
+
+_MICROSECONDS = {2: 8.0, 3: 16.0}  # of one thread per fluid particle and step
+
+
+def build(
+    case: Case, device: str | None = None, threads: int | None = None, precision: str | None = None
+) -> Simulation:
+    """Return the simulation that a case describes, ready for its first step.
+
+    Args:
+        case: the case.
+        device: overrides the case's; default: SPUME_DEVICE, else ``cpu``.
+        threads: overrides the case's; default: all that the process may use.
+        precision: ``double`` or ``single``; overrides the case's.
+
+    Raises:
+        CaseError: the case cannot be set up.
+        DeviceError: this machine lacks the device or precision.
+    """
+    from spume import kernels
+
+    rows = initial_rows(case)
+    check_gauges(case, rows)
+    threads = threads or case.threads or kernels.worthwhile_threads(len(rows["kind"]))
+    kernels.initialize(device or case.device, threads, precision or case.precision)
+    return _simulation(case, rows)
+
+
+def _simulation(case: Case, rows: Rows) -> Simulation:
+    """Hand the rows to the particle table and put the parts of a simulation together."""
+    from spume.clock import Clock
+    from spume.domain import Domain
+    from spume.lattice import Lattice
+    from spume.pairs import Pairs
+    from spume.particles import Particles
+    from spume.simulation import Simulation
+
+    fields = case.step.needed_fields()
+    particles = Particles(case.dimension, case.spacing, fields, capacity=len(rows["kind"]))
+    solid = rows["kind"] != FLUID
+    slip = np.array([getattr(body, "slip", "") == "free-slip" for body in case.body] or [False])
+    rows["slip"] = np.where(solid, slip[rows["body"]], False).astype(np.int32)
+    rows["wall_velocity"] = np.where(solid[:, None], rows["velocity"], 0.0)
+    particles.insert({name: values for name, values in rows.items() if name in particles.fields})
+    lower, upper = region(case, rows)
+    periodic = [axis in case.domain.periodic for axis in AXES[: case.dimension]]
+    radius = case.step.largest_radius() * case.spacing
+    pairs = Pairs(radius, _SKIN * case.spacing, lower, upper, periodic)
+    lattice = Lattice(case.dimension, case.spacing)
+    domain = Domain(lattice, particles, pairs, case.body, case.domain.gravity, case.fluid[0].density)
+    clock = Clock(case.time.end, case.time.courant, case.time.step_max or math.inf)
+    return Simulation(domain, case.step, clock)
+
+
+_SKIN = 0.2  # of the neighbour lists, as a part of the spacing
+
+
+def region(case: Case, rows: Rows) -> tuple[list[float], list[float]]:
+    """Return the corners [m] of the region beyond which particles are removed.
+
+    The domain's, or by default the box around all rows with as much again on every side.
+    """
+    if case.domain.lower is not None and case.domain.upper is not None:
+        return list(case.domain.lower), list(case.domain.upper)
+    lower, upper = rows["position"].min(axis=0), rows["position"].max(axis=0)
+    margin = float((upper - lower).max()) + 10.0 * case.spacing
+    return list(lower - margin), list(upper + margin)

@@ -1,0 +1,72 @@
+"""Simulated time and the limits of the time step."""
+
+from dataclasses import dataclass, field
+from math import ceil, inf, sqrt
+
+from spume.lattice import Lattice
+
+
+@dataclass
+class Clock:
+    """Chooses the time step.
+
+    Limits: courant l0/|u|, with the largest speed of fluid and walls; courant sqrt(l0/|a|), so that a
+    fluid at rest has one; viscosity; bodies; ``step_max``. The step grows by at most 20 % from one to
+    the next, for sources with 1/dt^2 answer a jump of dt with a pressure spike.
+
+    Attributes:
+        end: time at which the run ends [s].
+        courant: Courant number [1].
+        step_max: largest step [s].
+        time: simulated time [s].
+        step: steps done.
+        dt: the last step [s], 0 before the first.
+        limiter: what limited the last step.
+    """
+
+    end: float
+    courant: float = 0.2
+    step_max: float = inf
+    time: float = 0.0
+    step: int = 0
+    dt: float = 0.0
+    limiter: str = ""
+    growth: float = field(default=1.2, repr=False)
+
+    @property
+    def done(self) -> bool:
+        """Whether the end is reached (to rounding)."""
+        return self.time >= self.end * (1.0 - 1e-12)
+
+    def next_dt(
+        self, lattice: Lattice, speed: float, acceleration: float, viscous: float = inf, bodies: float = inf
+    ) -> float:
+        """Return the next time step [s].
+
+        Args:
+            speed: largest speed [m/s].
+            acceleration: largest acceleration [m/s^2].
+            viscous: limit of the viscosity [s].
+            bodies: limit of the bodies [s].
+        """
+        limits = {
+            "courant": self.courant * lattice.spacing / speed if speed > 0 else inf,
+            "acceleration": self.courant * sqrt(lattice.spacing / acceleration) if acceleration > 0 else inf,
+            "viscosity": viscous,
+            "bodies": bodies,
+            "step_max": self.step_max,
+        }
+        if self.dt > 0:
+            limits["growth"] = self.growth * self.dt
+        self.limiter, dt = min(limits.items(), key=lambda item: item[1])
+        remaining = self.end - self.time
+        if dt == inf:
+            return remaining
+        # A last step trimmed to a sliver would be a jump of dt as well: spread the remainder evenly.
+        return remaining / ceil(remaining / dt - 1e-9) if remaining < 50 * dt else dt
+
+    def advance(self, dt: float) -> None:
+        """Count a step of length dt [s]."""
+        self.dt = dt
+        self.time += dt
+        self.step += 1

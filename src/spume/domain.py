@@ -1,0 +1,36 @@
+"""What a step advances: the table of rows with its pairs, bodies and linear system."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from spume.lattice import Lattice
+from spume.pairs import Pairs
+from spume.particles import Particles
+from spume.pressure.components import Components
+from spume.pressure.matrix import LinearSystem
+
+
+@dataclass
+class Domain:
+    """One body of water with one spacing.
+
+    Attributes:
+        lattice: reference arrangement.
+        particles: the table of rows.
+        pairs: neighbours of the rows.
+        bodies: what is not fluid.
+        gravity: a ``Gravity`` scheme.
+        density: density of the (first) fluid [kg/m^3].
+        system: the linear system of the pressure.
+        components: connected components of that system.
+    """
+
+    lattice: Lattice
+    particles: Particles
+    pairs: Pairs
+    bodies: Sequence[Any]
+    gravity: Any
+    density: float = 1000.0
+    system: LinearSystem = field(default_factory=LinearSystem)
+    components: Components = field(default_factory=Components)

@@ -1,0 +1,197 @@
+"""The one import of the kernel language: device, precision, decorators and array types.
+
+Everything that runs per particle is compiled from Python by Quadrants. Kernels are made by
+*factories*: functions that build a kernel for the current precision and dimension and that are
+decorated with :func:`cached`, so that choosing another device or precision makes new ones.
+"""
+
+import contextlib
+import functools
+import io
+import linecache
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+os.environ.setdefault("ENABLE_QUADRANTS_HEADER_PRINT", "False")
+
+import numpy as np
+import quadrants as qd
+
+func = qd.func
+kernel = qd.kernel
+static = qd.static
+sqrt = qd.sqrt
+i32, i64 = qd.i32, qd.i64
+
+DEVICES = ("cpu", "cuda", "vulkan", "metal", "amdgpu")
+PRECISIONS = ("double", "single")
+
+
+class DeviceError(RuntimeError):
+    """The device or precision that was asked for is not to be had on this machine."""
+
+
+@dataclass(frozen=True)
+class Runtime:
+    """What the kernels are compiled for."""
+
+    device: str
+    threads: int
+    precision: str
+
+    @property
+    def serial(self) -> bool:
+        """One CPU thread: loops are compiled without the thread pool, whose wake-up costs 0.1 ms each."""
+        return self.device == "cpu" and self.threads == 1
+
+    @property
+    def real(self) -> Any:
+        """The floating-point type of the kernel language."""
+        return qd.f64 if self.precision == "double" else qd.f32
+
+    @property
+    def dtype(self) -> type[np.floating[Any]]:
+        """The floating-point type of NumPy."""
+        return np.float64 if self.precision == "double" else np.float32
+
+
+_runtime: Runtime | None = None
+_caches: list[Callable[[], None]] = []
+
+
+def available_threads() -> int:
+    """Return the number of CPU threads this process may use (affinity and SLURM respected)."""
+    allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    slurm = os.environ.get("SLURM_CPUS_PER_TASK", "")
+    return min(allowed, int(slurm)) if slurm.isdigit() and int(slurm) > 0 else allowed
+
+
+def worthwhile_threads(rows: int) -> int:
+    """Return how many threads pay for a table of that many rows.
+
+    Waking the thread pool costs about 0.1 ms a loop, as much as one thread needs for 10 000 rows of a
+    matrix product.
+    """
+    return available_threads() if rows > 12_000 else 1
+
+
+def initialize(device: str | None = None, threads: int | None = None, precision: str = "double") -> Runtime:
+    """Choose device, threads and precision; return what was chosen.
+
+    Arrays made before are lost, so a program calls this once, before it makes particles. Calling it
+    again with the same choice changes nothing.
+
+    Args:
+        device: one of ``DEVICES``; default: the environment variable ``SPUME_DEVICE``, else ``cpu``.
+        threads: CPU threads; default: all that the process may use.
+        precision: ``double`` or ``single``.
+
+    Raises:
+        DeviceError: unknown name, or a device that is not there.
+    """
+    global _runtime
+    device = device or os.environ.get("SPUME_DEVICE") or "cpu"
+    if device not in DEVICES:
+        raise DeviceError(f"device = {device!r}: one of {', '.join(DEVICES)}")
+    if precision not in PRECISIONS:
+        raise DeviceError(f"precision = {precision!r}: one of {', '.join(PRECISIONS)}")
+    if threads is not None and threads < 1:
+        raise DeviceError(f"threads = {threads}: at least 1")
+    wanted = Runtime(device, threads or available_threads(), precision)
+    if wanted == _runtime:
+        return wanted
+    options: dict[str, Any] = {}
+    if os.environ.get("SPUME_CACHE"):
+        options["offline_cache_file_path"] = os.environ["SPUME_CACHE"]
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):
+            qd.init(
+                arch=getattr(qd, device),
+                default_fp=wanted.real,
+                default_ip=qd.i32,
+                cpu_max_num_threads=wanted.threads,
+                default_cpu_block_dim=32,
+                fast_math=True,
+                enable_fallback=False,
+                log_level="error",
+                offline_cache=True,
+                **options,
+            )
+    except Exception as error:
+        raise DeviceError(f"device = {device!r}: not available on this machine ({error})") from error
+    _runtime = wanted
+    for clear in _caches:
+        clear()
+    return wanted
+
+
+def runtime() -> Runtime:
+    """Return what the kernels are compiled for; initialise with the defaults if nothing was chosen."""
+    return _runtime if _runtime is not None else initialize()
+
+
+def cached(factory: Callable[..., Any]) -> Callable[..., Any]:
+    """Remember what a kernel factory made, by its arguments, until device or precision change."""
+    wrapped = functools.cache(factory)
+    _caches.append(wrapped.cache_clear)
+    return wrapped
+
+
+def vector(d: int) -> Any:
+    """Return the type of a vector of d reals."""
+    return qd.types.vector(d, runtime().real)
+
+
+def value_type(shape: tuple[int, ...], integer: bool = False) -> Any:
+    """Return the kernel language's type of one value: scalar, vector or matrix."""
+    scalar = qd.i32 if integer else runtime().real
+    if shape == ():
+        return scalar
+    if len(shape) == 1:
+        return qd.types.vector(shape[0], scalar)
+    return qd.types.matrix(shape[0], shape[1], scalar)
+
+
+def array_type(value: Any) -> Any:
+    """Return the annotation of a kernel argument that is a one-dimensional array of such values."""
+    return qd.types.ndarray(dtype=value, ndim=1)
+
+
+def array(value: Any, size: int) -> Any:
+    """Return a new device array of ``size`` zero values."""
+    data = qd.ndarray(value, (size,))
+    data.fill(0)
+    return data
+
+
+def scalar_array(value: Any) -> Any:
+    """Return a new device array that holds one value and has no index (a loop counter)."""
+    return qd.ndarray(value, ())
+
+
+def struct(**members: Any) -> Any:
+    """Return a struct type of the kernel language."""
+    return qd.types.struct(**members)
+
+
+def compiled(name: str, source: str, **namespace: Any) -> Any:
+    """Compile generated source text of one function into a kernel.
+
+    The text is registered with ``linecache``, so that errors of the compiler show the line.
+    """
+    file = f"<spume kernel {name} {abs(hash(source)):x}>"
+    linecache.cache[file] = (len(source), None, source.splitlines(True), file)
+    scope = {"qd": qd, **namespace}
+    exec(compile(source, file, "exec"), scope)
+    return qd.kernel(scope[name])
+
+
+def wait() -> None:
+    """Wait until the device has finished all that was launched."""
+    qd.sync()
+
+
+do_while = qd.graph.do_while if hasattr(qd.graph, "do_while") else qd.graph_do_while
+"""Condition of a loop that repeats a group of parallel loops on the device (inside ``kernel(graph=True)``)."""

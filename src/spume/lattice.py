@@ -1,0 +1,51 @@
+"""Reference sums of the regular arrangement: n0 and lambda of a weight function."""
+
+import functools
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """The square or cubic arrangement on which a calculation starts.
+
+    Attributes:
+        dimension: 2 or 3.
+        spacing: l0 [m].
+    """
+
+    dimension: int
+    spacing: float
+
+    def n0(self, weight: Any, re: float) -> float:
+        """Return the particle number density of a row inside the full arrangement [1].
+
+        Koshizuka & Oka 1996: n0 = sum_j W(r_j, re), with the same re as the sum it normalises.
+
+        Args:
+            weight: a ``Weight`` scheme.
+            re: effective radius as a multiple of l0.
+        """
+        return _sums(weight, re, self.dimension)[0]
+
+    def lambda_(self, weight: Any, re: float) -> float:
+        """Return lambda = sum_j r_j^2 W / sum_j W of the full arrangement [m^2] (Koshizuka & Oka 1996).
+
+        Args:
+            weight: a ``Weight`` scheme.
+            re: effective radius as a multiple of l0.
+        """
+        n0, second = _sums(weight, re, self.dimension)
+        return second / n0 * self.spacing**2
+
+
+@functools.cache
+def _sums(weight: Any, re: float, dimension: int) -> tuple[float, float]:
+    reach = int(np.ceil(re))
+    axis = np.arange(-reach, reach + 1)
+    squares = sum(a.astype(float) ** 2 for a in np.meshgrid(*[axis] * dimension))
+    r = np.sqrt(squares[(squares > 0) & (squares < re * re)])
+    w = weight.values(r, re)
+    return float(w.sum()), float((w * r**2).sum())

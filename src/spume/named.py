@@ -1,0 +1,370 @@
+"""Schemes: frozen parameter objects that register themselves under a family and a name."""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+import importlib.metadata
+import pkgutil
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    PlainSerializer,
+    PlainValidator,
+    ValidationError,
+    ValidationInfo,
+    WithJsonSchema,
+    model_validator,
+)
+from pydantic.json_schema import GenerateJsonSchema
+from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, core_schema
+
+_registry: dict[str, dict[str, type[Scheme]]] = {}
+_family: dict[str, type[Scheme]] = {}
+
+
+def nearest_match(word: str, known: Iterable[str]) -> str:
+    """Return ``"; did you mean 'x'?"`` for the known word nearest to `word`, or an empty text."""
+    candidates = list(known)
+    found = difflib.get_close_matches(word, candidates, n=1, cutoff=0.5)
+    if not found:  # difflib looks for letters in order only: "Corrected" or "pois" deserve an answer too
+        start = word.lower()
+        found = [k for k in candidates if k.lower() == start or (len(word) > 2 and k.startswith(start))][:1]
+    return f"; did you mean {found[0]!r}?" if found else ""
+
+
+class Parameters(BaseModel):
+    """A frozen set of parameters that refuses unknown keys, text for numbers, NaN and infinity.
+
+    Every list becomes a tuple, so that a TOML array may stand wherever a parameter is a tuple and
+    nothing inside a frozen object can change. Whole numbers are taken where real ones are expected.
+    """
+
+    model_config = ConfigDict(
+        frozen=True,
+        extra="forbid",
+        strict=True,
+        allow_inf_nan=False,
+        validate_default=False,
+        use_attribute_docstrings=True,
+        arbitrary_types_allowed=True,
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_table(cls, value: Any, info: ValidationInfo) -> Any:
+        """Turn lists into tuples and name unknown keys with the nearest known one."""
+        if not isinstance(value, Mapping):
+            return value
+        keys = list(cls.model_fields)
+        known = {key: cls._completed(key, _tuples(item)) for key, item in value.items() if key in keys}
+        if len(known) == len(value):
+            return known
+        errors: list[InitErrorDetails] = []
+        meant: set[str] = set()
+        for key in value:
+            if key not in known:
+                near = nearest_match(str(key), keys)
+                meant.update(k for k in keys if near.endswith(f"{k!r}?"))
+                message = f"no such key; allowed: {', '.join(keys) or '(none)'}{near}"
+                error = PydanticCustomError("unknown_key", "{message}", {"message": message})
+                errors.append(InitErrorDetails(type=error, loc=(key,), input=value[key]))
+        try:  # one misspelt key must not hide what else is wrong
+            cls.model_validate(known, context=info.context)
+        except ValidationError as others:
+            for item in others.errors(include_url=False):
+                if item["type"] == "missing" and item["loc"][0] in meant:
+                    continue
+                context = {**item.get("ctx", {}), "message": item["msg"]}
+                error = PydanticCustomError(item["type"], "{message}", context)
+                errors.append(InitErrorDetails(type=error, loc=item["loc"], input=item["input"]))
+        raise ValidationError.from_exception_data(cls.__name__, errors)
+
+    @classmethod
+    def _completed(cls, key: str, item: Any) -> Any:
+        """Let a table that does not say which scheme it is about be about the default one."""
+        default = cls.model_fields[key].default
+        if isinstance(item, Mapping) and isinstance(default, Scheme) and default.selector not in item:
+            return {default.selector: default.key, **item}
+        return item
+
+
+def _tuples(value: Any) -> Any:
+    if hasattr(value, "tolist") and getattr(value, "ndim", None):
+        value = value.tolist()
+    return tuple(_tuples(item) for item in value) if isinstance(value, list) else value
+
+
+class Scheme(Parameters):
+    """A model that a case file selects by name; inheriting from a family with ``name=`` registers it.
+
+    A *family* is a direct subclass that gives ``family=`` (``Gradient``, ``Weight`` …); a scheme is
+    a subclass of a family that gives ``name=``. Wherever a family is the type of a parameter, a case
+    file may write the bare name (``gradient = "corrected"``) or a table with the scheme's own
+    parameters (``gradient = {name = "corrected", largest_condition = 100.0}``).
+    """
+
+    family: ClassVar[str] = ""
+    """Name of the family, the word used in case files and in ``spume schemes``."""
+    key: ClassVar[str] = ""
+    """Name of the scheme within its family, given as ``name=`` when it is defined."""
+    selector: ClassVar[str] = "name"
+    """Key that holds the scheme's name in a table: ``name``, or ``kind`` where ``name`` is a label."""
+    ids: ClassVar[tuple[str, ...]] = ()
+    """Rows of the review's table of systems (``A1`` … ``L11``) that this scheme implements."""
+    reference: ClassVar[str] = ""
+    """Key of the publication in ``docs/references.bib``."""
+    order: ClassVar[int | None] = None
+    """Degree of the polynomials reproduced on any arrangement of particles; None where it has no meaning."""
+    conserves: ClassVar[frozenset[str]] = frozenset()
+    """Quantities conserved to round-off: ``momentum``, ``angular momentum``, ``volume``."""
+
+    def __init_subclass__(
+        cls, *, name: str = "", family: str = "", selector: str = "", **kwargs: Any
+    ) -> None:
+        super().__init_subclass__(**kwargs)
+        if family:
+            cls.family = family
+            cls.selector = selector or "name"
+            _registry.setdefault(family, {})
+            _family[family] = cls
+        if name:
+            if not cls.family:
+                raise TypeError(f"{cls.__name__}: a scheme needs a family to be named in")
+            known = _registry[cls.family].get(name)
+            if known is not None and known.__qualname__ != cls.__qualname__:
+                raise TypeError(f"{cls.family} {name!r} is already {known.__qualname__}")
+            cls.key = name
+            _registry[cls.family][name] = cls
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
+        claims = {"family", "key", "selector", "ids", "reference", "order", "conserves"} & set(
+            cls.model_fields
+        )
+        if claims:  # an annotation without ClassVar would silently turn a claim into a key of the case file
+            raise TypeError(f"{cls.__name__}: write {', '.join(sorted(claims))} as a ClassVar")
+        if cls.key and cls.selector in cls.model_fields:
+            raise TypeError(f"{cls.__name__}: {cls.selector!r} selects the scheme and cannot be a parameter")
+
+    @classmethod
+    def shorthand(cls, value: Any) -> Any:
+        """Return the table that a short spelling stands for; a family may accept more than its names.
+
+        `value` is what the case file holds. What is not understood is returned unchanged.
+        """
+        return {cls.selector: value} if isinstance(value, str) else value
+
+    @classmethod
+    def shorthand_schema(cls) -> list[dict[str, Any]]:
+        """Return the JSON Schemas of the short spellings that `shorthand` accepts beside the names."""
+        return []
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        if cls.key or not cls.family:
+            return handler(source)
+        return core_schema.with_info_plain_validator_function(
+            cls._from_name_or_table,
+            serialization=core_schema.plain_serializer_function_ser_schema(to_table),
+        )
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        if cls.key or not cls.family:
+            return handler(schema)
+        return {"x-family": cls.family}  # `json_schema` puts the family's choices in its place
+
+    @classmethod
+    def _from_name_or_table(cls, value: Any, info: ValidationInfo) -> Scheme:
+        if isinstance(value, cls) and value.key:
+            return value
+        table = cls.shorthand(value)
+        if not isinstance(table, Mapping) or not isinstance(table.get(cls.selector), str):
+            raise PydanticCustomError(
+                "scheme_form",
+                "a {family} by name, or a table with its {selector} and parameters; names: {choices}",
+                {"family": cls.family, "selector": cls.selector, "choices": _choices(cls.family)},
+            )
+        try:
+            scheme = find(cls.family, table[cls.selector])
+        except PydanticCustomError as error:
+            loc = () if isinstance(value, str) else (cls.selector,)
+            details = InitErrorDetails(type=error, loc=loc, input=table[cls.selector])
+            raise ValidationError.from_exception_data(cls.__name__, [details]) from None
+        parameters = {key: item for key, item in table.items() if key != cls.selector}
+        return scheme.model_validate(parameters, context=info.context)
+
+
+def _choices(family: str) -> str:
+    return ", ".join(sorted(_registry.get(family, {}))) or "(none)"
+
+
+def find(family: str, name: str) -> type[Scheme]:
+    """Return the scheme class of that name.
+
+    Raises:
+        PydanticCustomError: no such scheme; the message lists the names and the nearest one.
+    """
+    known = _registry.get(family, {})
+    if name in known:
+        return known[name]
+    raise PydanticCustomError(
+        "scheme_name",
+        "one of {choices}{nearest}",
+        {"choices": _choices(family), "nearest": nearest_match(name, known)},
+    )
+
+
+def schemes(family: str | None = None) -> Iterator[type[Scheme]]:
+    """Yield every registered scheme class, of one family or of all, sorted by family and name."""
+    for key in sorted(_registry) if family is None else [family]:
+        yield from (known for _, known in sorted(_registry.get(key, {}).items()))
+
+
+_FOLDERS = ("schemes", "steps", "pressure", "wall_models", "bodies", "geometry", "initial", "outputs")
+
+
+def load_all() -> None:
+    """Import every module that may define schemes, and the packages that announce some.
+
+    Other packages do so through the entry point ``spume.schemes``.
+    """
+    importlib.import_module("spume.gravity")
+    for folder in _FOLDERS:
+        package = importlib.import_module(f"spume.{folder}")
+        for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+            importlib.import_module(module.name)
+    for entry in importlib.metadata.entry_points(group="spume.schemes"):
+        entry.load()
+
+
+def to_table(scheme: Scheme) -> dict[str, Any]:
+    """Return the table that a case file would hold for this scheme: its name and all its parameters."""
+    return {scheme.selector: scheme.key, **scheme.model_dump()}
+
+
+class OneOrMore:
+    """Marks a tuple of which a case file may write the only element without brackets.
+
+    ``initial: Annotated[tuple[Initial, ...], OneOrMore()]``
+    """
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        def wrapped(value: Any) -> Any:
+            return value if isinstance(value, list | tuple) else (value,)
+
+        return core_schema.no_info_before_validator_function(wrapped, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        array = handler(schema)
+        return {"anyOf": [array["items"], array]}
+
+
+# ---------------------------------------------------------------------------------------------- files
+
+CASES = Path(__file__).parent / "cases"
+"""Folder of the built-in cases, whose data any case may name: ``dam-break/pressure-2.csv``."""
+
+
+def _read_path(value: Any, info: ValidationInfo) -> Path:
+    if not isinstance(value, str | Path) or not str(value) or "\0" in str(value):
+        raise PydanticCustomError("file_form", "must be the path of a file, as text")
+    folder = Path((info.context or {}).get("folder") or ".")
+    for path in (folder / value, CASES / value):
+        if path.is_file():
+            return path.absolute()
+    raise PydanticCustomError(
+        "file_missing",
+        "no such file in {folder}, the folder of the case file, nor among the built-in cases",
+        {"folder": str(folder.absolute())},
+    )
+
+
+def _write_path(path: Path) -> str:
+    return path.relative_to(CASES).as_posix() if path.is_relative_to(CASES) else path.as_posix()
+
+
+File = Annotated[
+    Path,
+    PlainValidator(_read_path),
+    PlainSerializer(_write_path, return_type=str),
+    WithJsonSchema({"type": "string", "description": "path of a file, from the folder of the case file"}),
+]
+"""Type of a parameter that names an existing file, relative to the folder of the case file or, where
+there is none, to the folder of the built-in cases. It holds the absolute path."""
+
+
+# --------------------------------------------------------------------------------------- JSON Schema
+
+
+class _Defaults(GenerateJsonSchema):
+    """Writes schemes among the defaults as a case file does, with their names."""
+
+    def encode_default(self, dft: Any) -> Any:
+        if isinstance(dft, Scheme):
+            return super().encode_default(to_table(dft))
+        if isinstance(dft, tuple):
+            return [self.encode_default(item) for item in dft]
+        return super().encode_default(dft)
+
+
+def json_schema(model: type[BaseModel]) -> dict[str, Any]:
+    """Return the JSON Schema of `model` with every registered scheme of the families that it uses."""
+    definitions: dict[str, Any] = {}
+
+    def adopt(schema: dict[str, Any]) -> dict[str, Any]:
+        for name, definition in schema.pop("$defs", {}).items():
+            if name not in definitions:
+                definitions[name] = None  # reserve: a definition may refer to itself
+                definitions[name] = replace(definition)
+        return replace(schema)
+
+    def replace(node: Any) -> Any:
+        if isinstance(node, list):
+            return [replace(item) for item in node]
+        if not isinstance(node, dict):
+            return node
+        if "x-family" not in node:
+            return {key: replace(item) for key, item in node.items()}
+        family = node["x-family"]
+        name = f"family-{family}"
+        if name not in definitions:
+            definitions[name] = None
+            choices: list[Any] = [{"enum": [scheme.key for scheme in schemes(family)]}]
+            for scheme in schemes(family):
+                table = adopt(scheme.model_json_schema(schema_generator=_Defaults))
+                selector = {scheme.selector: {"const": scheme.key}}
+                table["properties"] = selector | table.get("properties", {})
+                table["required"] = [scheme.selector, *table.get("required", [])]
+                choices.append(table)
+            definitions[name] = {"anyOf": choices + _family[family].shorthand_schema()}
+        return {"$ref": f"#/$defs/{name}"} | {k: replace(v) for k, v in node.items() if k != "x-family"}
+
+    schema = adopt(model.model_json_schema(schema_generator=_Defaults))
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "$defs": definitions}
+
+
+Location = tuple[int | str, ...]
+"""Keys and indices that lead to a value of a case: ``("fluid", 0, "density")``."""
+
+
+def walk(value: Any, visit: Callable[[Parameters, Location], None], loc: Location = ()) -> None:
+    """Call ``visit(parameters, loc)`` for `value` and every `Parameters` inside it, outermost first."""
+    if isinstance(value, Parameters):
+        visit(value, loc)
+        for name in type(value).model_fields:
+            walk(getattr(value, name), visit, (*loc, name))
+    elif isinstance(value, tuple):
+        for index, item in enumerate(value):
+            walk(item, visit, (*loc, index))

@@ -1,0 +1,67 @@
+"""Output of frames at an interval."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from spume.outputs.output import Output, OutputSettings, RunLike
+from spume.outputs.vtkhdf import Writer
+
+FILE = "run.vtkhdf"
+
+
+class Frames(Output):
+    """Writes ``run.vtkhdf``: the initial state, then the first step at or after every k interval.
+
+    The last state of a run is always written.
+    """
+
+    def __init__(self, settings: OutputSettings) -> None:
+        self.settings = settings
+        self._writer: Writer | None = None
+        self._interval = 0.0
+        self._next = 0
+        self._written = -1
+
+    def start(self, run: RunLike) -> None:
+        end = float(run.case.time.end)
+        self._interval = self.settings.interval or end / 100.0
+        attributes: dict[str, Any] = {
+            "title": str(getattr(run.case, "title", "") or ""),
+            "creator": f"Spume {_version()}",
+            "gravity": run.simulation.snapshot().gravity,
+        }
+        self._writer = Writer(
+            run.folder / FILE, self.settings.fields, attributes, int(np.ceil(end / self._interval)) + 2
+        )
+        self._write(run)
+
+    def after_step(self, run: RunLike) -> None:
+        # A thousandth of a step early is on time: k interval and the sum of the steps round differently.
+        if run.simulation.time >= self._next * self._interval - 1e-3 * run.simulation.dt:
+            self._write(run)
+
+    def finish(self, run: RunLike) -> None:
+        if self._writer is None:
+            return
+        if run.simulation.step_index != self._written:
+            self._write(run)
+        self._writer.close()
+
+    def _write(self, run: RunLike) -> None:
+        assert self._writer is not None
+        self._writer.write(run.simulation.snapshot())
+        self._written = run.simulation.step_index
+        t = run.simulation.time + 1e-3 * run.simulation.dt
+        self._next = int(np.floor(t / self._interval + 1e-9)) + 1
+
+
+def _version() -> str:
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("spume")
+    except PackageNotFoundError:  # run from a source tree that is not installed
+        return "(not installed)"

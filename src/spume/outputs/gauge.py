@@ -1,0 +1,173 @@
+"""Gauges: numbers measured while a run goes on, each with its own interval and CSV file."""
+
+from __future__ import annotations
+
+import csv
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from spume.named import Scheme
+from spume.outputs.snapshot import Snapshot
+
+_FLUSH_SECONDS = 1.0
+
+
+class Gauge(Scheme, family="gauge", selector="kind"):
+    """Something measured from the state of a run at an instant.
+
+    A subclass says which fields it reads, which columns it gives, and measures. It changes nothing.
+    """
+
+    reads: ClassVar[tuple[str, ...]] = ()
+    """Fields that ``measure`` uses."""
+
+    name: Annotated[str, Field(min_length=1, pattern=r"^[^/\\\s]+$")]
+    """Label of the gauge, the name of its CSV file and picture."""
+    interval: Annotated[float, Field(gt=0.0)] | None = None
+    """Time between two values [s], interpolated from the steps around; default: every step."""
+
+    def columns(self, dimension: int) -> dict[str, str]:
+        """Return column name to unit; the first is the gauge's principal value."""
+        raise NotImplementedError
+
+    def check(self, snapshot: Snapshot) -> None:
+        """Raise ValueError where the gauge does not fit the case (a wrong dimension, an unknown body)."""
+
+    def measure(self, snapshot: Snapshot) -> dict[str, float]:
+        """Return column name to value, SI units."""
+        raise NotImplementedError
+
+    def vector(self, key: str, value: Sequence[float], dimension: int) -> NDArray[np.float64]:
+        """Return a parameter that must have one number per dimension.
+
+        Raises:
+            ValueError: another length.
+        """
+        if len(value) != dimension:
+            raise ValueError(
+                f"gauge {self.name!r}: {key} = {list(value)}: {dimension} numbers in {dimension}D"
+            )
+        return np.asarray(value, dtype=float)
+
+
+class Recorder:
+    """Writes the values of one gauge to its CSV file.
+
+    Without an interval every step gives a row. With one, the rows are at t = k interval, each
+    interpolated linearly between the step before and the step after; only at those two is the gauge
+    measured. The step is never shortened to meet an instant.
+
+    Args:
+        gauge: what to measure.
+        path: the CSV file; the header names columns with their units.
+    """
+
+    def __init__(self, gauge: Gauge, path: Path) -> None:
+        self.gauge = gauge
+        self.path = path
+        self._previous: Snapshot | None = None
+        self._next = 0  # number of the next instant
+        self._file: TextIO | None = None
+        self._writer: Any = None
+        self._columns: tuple[str, ...] = ()
+        self._flushed = 0.0
+
+    def record(self, snapshot: Snapshot) -> None:
+        """Take the state after a step (or at the start); it must stay valid until the next call."""
+        if self._file is None:
+            self._open(snapshot)
+        interval = self.gauge.interval
+        if interval is None:
+            self._write(snapshot.time, self.gauge.measure(snapshot))
+            return
+        late: dict[str, float] | None = None
+        early: dict[str, float] | None = None
+        before = self._previous
+        # A thousandth of a step of tolerance: 0.1 + 0.2 must not miss the instant 0.3.
+        while self._next * interval <= snapshot.time + 1e-3 * snapshot.dt:
+            instant = self._next * interval
+            if late is None:
+                late = self.gauge.measure(snapshot)
+            if before is None or instant >= snapshot.time or before.time >= snapshot.time:
+                self._write(instant, late)
+            else:
+                if early is None:
+                    early = self.gauge.measure(before)
+                share = (instant - before.time) / (snapshot.time - before.time)
+                # A value that is not there on one side (NaN) gives none in between.
+                self._write(instant, {k: (1.0 - share) * early[k] + share * late[k] for k in late})
+            self._next += 1
+        self._previous = snapshot
+
+    def close(self) -> None:
+        """Flush and close the file."""
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+    def _open(self, snapshot: Snapshot) -> None:
+        columns = self.gauge.columns(snapshot.dimension)
+        self._columns = tuple(columns)
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        self._file = self.path.open("w", newline="", encoding="utf-8")
+        self._writer = csv.writer(self._file, lineterminator="\n")
+        self._writer.writerow(["time [s]", *(f"{name} [{unit}]" for name, unit in columns.items())])
+        interval = self.gauge.interval
+        if interval is not None:  # a run that is continued begins in the middle
+            self._next = int(np.ceil(snapshot.time / interval - 1e-9))
+
+    def _write(self, t: float, values: dict[str, float]) -> None:
+        assert self._file is not None
+        self._writer.writerow([f"{t:.9g}", *(f"{values[c]:.9g}" for c in self._columns)])
+        now = time.monotonic()
+        if now - self._flushed > _FLUSH_SECONDS:
+            self._file.flush()
+            self._flushed = now
+
+
+def read_csv(path: Path | str) -> tuple[dict[str, NDArray[np.float64]], dict[str, str]]:
+    """Return the columns of a gauge's or reference's CSV file, and their units.
+
+    The header names columns as ``name [unit]`` or ``name``. Lines that begin with ``#`` and a last
+    line that was cut short are passed over.
+
+    Raises:
+        FileNotFoundError: no such file.
+        ValueError: something that is no number, with file and line.
+    """
+    path = Path(path)
+    header: list[str] = []
+    rows: list[list[float]] = []
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        lines = file.read().splitlines(keepends=True)
+    for number, line in enumerate(lines, start=1):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        cells = next(csv.reader([line]))
+        if not header:
+            header = [c.strip() for c in cells]
+            continue
+        if number == len(lines) and len(cells) != len(header):
+            break  # the writer was killed in the middle of it
+        try:
+            row = [float(c) for c in cells]
+        except ValueError as error:
+            raise ValueError(f"{path}:{number}: {error}") from None
+        if len(row) != len(header):
+            raise ValueError(f"{path}:{number}: {len(row)} values, the header has {len(header)} columns")
+        rows.append(row)
+    if not header:
+        raise ValueError(f"{path}: no header line")
+    table = np.array(rows, dtype=float).reshape(len(rows), len(header))
+    names, units = [], {}
+    for title in header:
+        name, _, unit = title.partition("[")
+        names.append(name.strip())
+        units[name.strip()] = unit.rstrip("] ").strip()
+    return {n: table[:, i] for i, n in enumerate(names)}, units

@@ -1,0 +1,45 @@
+"""Gauge of the position of a front."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from spume.outputs.connected import main_body
+from spume.outputs.gauge import Gauge
+from spume.outputs.snapshot import Snapshot
+
+
+class Front(Gauge, name="front"):
+    """Position of the foremost point of the fluid along a direction e.
+
+    X = max over the main body of x·e + l0/2: the surface lies l0/2 outside the outermost centres.
+    The main body is the largest connected one (cells of size l0 that touch), so drops that fly
+    ahead do not count.
+    """
+
+    reads: ClassVar[tuple[str, ...]] = ("position", "kind")
+
+    direction: tuple[float, ...] | None = None
+    """Direction e along which the front is measured; default: +x."""
+
+    def columns(self, dimension: int) -> dict[str, str]:
+        return {"front": "m"}
+
+    def check(self, snapshot: Snapshot) -> None:
+        if self.direction is not None:
+            e = self.vector("direction", self.direction, snapshot.dimension)
+            if not np.any(e):
+                raise ValueError(f"gauge {self.name!r}: direction = {list(e)}: not the zero vector")
+
+    def measure(self, snapshot: Snapshot) -> dict[str, float]:
+        if self.direction is None:
+            e = np.eye(snapshot.dimension)[0]
+        else:
+            e = np.asarray(self.direction, dtype=float)
+            e = e / np.linalg.norm(e)
+        ahead = np.asarray(snapshot["position"], dtype=float)[main_body(snapshot)] @ e
+        if len(ahead) == 0:
+            return {"front": float("nan")}
+        return {"front": float(ahead.max()) + 0.5 * snapshot.spacing}

@@ -1,0 +1,54 @@
+"""Output of all gauges of a case."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from spume.outputs.gauge import Gauge, Recorder
+from spume.outputs.output import Output, RunLike
+
+FOLDER = "gauges"
+
+
+class Gauges(Output):
+    """Writes ``gauges/<name>.csv`` for every gauge of a case.
+
+    Raises:
+        ValueError: two gauges of one name, or (at the start) a gauge that does not fit the case.
+    """
+
+    def __init__(self, gauges: Sequence[Gauge]) -> None:
+        names = [g.name for g in gauges]
+        twice = sorted({n for n in names if names.count(n) > 1})
+        if twice:
+            raise ValueError(f"gauge name = {twice[0]!r}: given to two gauges; every gauge needs its own")
+        self.gauges = tuple(gauges)
+        self.recorders: tuple[Recorder, ...] = ()
+        # Fields of the steps around an instant must outlive their step.
+        self._reads = tuple({f: None for g in gauges for f in g.reads})
+
+    def start(self, run: RunLike) -> None:
+        snapshot = run.simulation.snapshot()
+        for gauge in self.gauges:
+            gauge.check(snapshot)
+        self.recorders = tuple(Recorder(g, path(run.folder, g.name)) for g in self.gauges)
+        self.after_step(run)
+
+    def after_step(self, run: RunLike) -> None:
+        if not self.recorders:
+            return
+        snapshot = run.simulation.snapshot()
+        if any(g.interval is not None for g in self.gauges):
+            snapshot = snapshot.keep(self._reads)
+        for recorder in self.recorders:
+            recorder.record(snapshot)
+
+    def finish(self, run: RunLike) -> None:
+        for recorder in self.recorders:
+            recorder.close()
+
+
+def path(folder: Path, name: str) -> Path:
+    """Return the CSV file of a gauge in a run folder."""
+    return folder / FOLDER / f"{name}.csv"

@@ -1,0 +1,148 @@
+"""The state of a run at one instant, as NumPy arrays that are copied only when somebody asks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+# The same numbers as in spume.particles, whose import loads the kernel language: readers of results
+# do without it (tests/outputs/test_snapshot.py compares them).
+FLUID = 1
+WALL = 2
+DUMMY = 4
+
+
+class FieldLike(Protocol):
+    """What a snapshot needs to know of a field; ``spume.particles.Field`` has it."""
+
+    @property
+    def unit(self) -> str: ...
+
+    @property
+    def doc(self) -> str: ...
+
+    @property
+    def output(self) -> bool: ...
+
+
+class Snapshot:
+    """Read-only view of all rows at one instant.
+
+    Fields are fetched on first use and kept, so several outputs of one step share one copy. A
+    snapshot that is to outlive its step must have fetched what will be asked of it:
+    :meth:`keep`.
+
+    Args:
+        fetch: returns the copy of a field, shape (rows, *shape), in the table's present order;
+            KeyError for a name that is no field.
+        time: t [s].
+        step: number of steps made.
+        dt: length of the last step [s].
+        spacing: l0 [m].
+        dimension: 2 or 3.
+        gravity: g [m/s^2], shape (dimension,).
+        n0: particle number density of the regular arrangement [1].
+        bodies: labels of the bodies, in the order of the field ``body``.
+        fields: field name to its description (unit, doc, output).
+    """
+
+    def __init__(
+        self,
+        fetch: Callable[[str], NDArray[Any]],
+        *,
+        time: float,
+        step: int,
+        dt: float,
+        spacing: float,
+        dimension: int,
+        gravity: ArrayLike,
+        n0: float = float("nan"),
+        bodies: tuple[str, ...] = (),
+        fields: Mapping[str, FieldLike] | None = None,
+    ) -> None:
+        self.time = float(time)
+        self.step = int(step)
+        self.dt = float(dt)
+        self.spacing = float(spacing)
+        self.dimension = int(dimension)
+        self.gravity: NDArray[np.float64] = np.asarray(gravity, dtype=float)
+        self.n0 = float(n0)
+        self.bodies = tuple(bodies)
+        self.fields: Mapping[str, FieldLike] = {} if fields is None else fields
+        self._fetch: Callable[[str], NDArray[Any]] | None = fetch
+        self._arrays: dict[str, NDArray[Any]] = {}
+        self._derived: dict[Any, Any] = {}
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        if name not in self._arrays:
+            if self._fetch is None:
+                raise KeyError(
+                    f"field {name!r} of the snapshot at step {self.step} was not kept; "
+                    f"kept: {', '.join(sorted(self._arrays))}"
+                )
+            values = np.asarray(self._fetch(name))
+            values.setflags(write=False)
+            self._arrays[name] = values
+        return self._arrays[name]
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._arrays or name in self.fields
+
+    def __len__(self) -> int:
+        return len(self["position"])
+
+    @property
+    def fluid(self) -> NDArray[np.bool_]:
+        """Mask of the fluid rows, shape (rows,)."""
+        return self.derived("fluid", lambda s: s["kind"] == FLUID)
+
+    @property
+    def wall(self) -> NDArray[np.bool_]:
+        """Mask of the first solid layer, the rows that carry pressure, shape (rows,)."""
+        return self.derived("wall", lambda s: s["kind"] == WALL)
+
+    @property
+    def up(self) -> NDArray[np.float64]:
+        """Unit vector against gravity; the last axis where there is no gravity."""
+        size = float(np.linalg.norm(self.gravity))
+        if size == 0.0:
+            return np.eye(self.dimension)[-1]
+        return -self.gravity / size
+
+    def derived(self, key: Any, compute: Callable[[Snapshot], Any]) -> Any:
+        """Return ``compute(self)``, computed once per snapshot and key (what several gauges share)."""
+        if key not in self._derived:
+            self._derived[key] = compute(self)
+        return self._derived[key]
+
+    def keep(self, names: tuple[str, ...]) -> Snapshot:
+        """Return a snapshot with these fields fetched, which stays valid after the next step."""
+        kept = Snapshot(
+            self.__getitem__,
+            time=self.time,
+            step=self.step,
+            dt=self.dt,
+            spacing=self.spacing,
+            dimension=self.dimension,
+            gravity=self.gravity,
+            n0=self.n0,
+            bodies=self.bodies,
+            fields=self.fields,
+        )
+        for name in names:
+            kept[name]
+        kept._fetch = None
+        return kept
+
+    def unit(self, name: str) -> str:
+        """Return the SI unit of a field, ``""`` where it is unknown."""
+        field = self.fields.get(name)
+        return "" if field is None else field.unit
+
+    def doc(self, name: str) -> str:
+        """Return the one-sentence description of a field, ``""`` where it is unknown."""
+        field = self.fields.get(name)
+        return "" if field is None else field.doc

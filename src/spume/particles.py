@@ -1,0 +1,317 @@
+"""The particle table: every row that touches the water, one array per field."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from spume import kernels
+
+FLUID = 1
+WALL = 2
+DUMMY = 4
+SOLID = WALL | DUMMY
+ANY = FLUID | SOLID
+
+
+@dataclass(frozen=True)
+class Field:
+    """A quantity that every row carries.
+
+    Attributes:
+        name: the field's name, as in ``docs/notation.md``.
+        shape: () for a scalar, ("d",) for a vector, ("d", "d") for a tensor, or integers.
+        unit: SI unit.
+        doc: one sentence.
+        dtype: float or int.
+        initial: value of a row that is inserted without one.
+        constant: never written by a step.
+        output: written to result files by default.
+        restart: the next step reads it, so it is carried through sorting and saved by checkpoints.
+    """
+
+    name: str
+    shape: tuple[int | str, ...] = ()
+    unit: str = "1"
+    doc: str = ""
+    dtype: type = float
+    initial: float = 0.0
+    constant: bool = False
+    output: bool = False
+    restart: bool = False
+
+    def value_shape(self, d: int) -> tuple[int, ...]:
+        """Return the shape of one row's value in d dimensions."""
+        return tuple(d if s == "d" else int(s) for s in self.shape)
+
+
+_REDUCTION_BLOCKS = 128
+"""Sums and maxima are made of this many partial ones, whatever the number of threads."""
+
+BASE_FIELDS = (
+    Field("position", ("d",), "m", "position of the particle's centre", output=True, restart=True),
+    Field("velocity", ("d",), "m/s", "velocity", output=True, restart=True),
+    Field("acceleration", ("d",), "m/s^2", "sum of all accelerations except the pressure's"),
+    Field("pressure", (), "Pa", "pressure", output=True, restart=True),
+    Field("pressure_gradient", ("d",), "Pa/m", "gradient of the pressure", restart=True),
+    Field("number_density", (), "1", "particle number density n", output=True),
+    Field("density", (), "kg/m^3", "density of the row's material", constant=True, restart=True),
+    Field("kinematic_viscosity", (), "m^2/s", "kinematic viscosity of the row's material", constant=True, restart=True),
+    Field("kind", (), "1", "1 fluid, 2 wall, 4 dummy", int, output=True, constant=True, restart=True),
+    Field("body", (), "1", "index of the row's body, -1 for fluid", int, -1, output=True, constant=True, restart=True),
+    Field("material", (), "1", "index of the row's fluid", int, constant=True, restart=True),
+    Field("id", (), "1", "stable number of the particle", int, output=True, constant=True, restart=True),
+    Field("free_surface", (), "1", "1 on the free surface", int, output=True, restart=True),
+    Field("to_surface", ("d",), "m", "solid rows: vector to the nearest point of the wetted surface", restart=True),
+    Field("master", (), "1", "dummy rows: id of the wall row that they copy", int, constant=True, restart=True),
+)  # fmt: skip
+
+
+class Particles:
+    """The table of rows: fluid of every phase, walls and dummies.
+
+    Row order changes whenever the neighbour search sorts the rows by cell; ``id`` is stable.
+
+    Args:
+        dimension: 2 or 3.
+        spacing: l0 [m].
+        fields: fields beyond the base fields.
+        capacity: rows to make room for; the table grows by doubling.
+    """
+
+    def __init__(
+        self, dimension: int, spacing: float, fields: Iterable[Field] = (), capacity: int = 1024
+    ) -> None:
+        self.dimension = dimension
+        self.spacing = spacing
+        self.count = 0
+        self.capacity = max(int(capacity), 1)
+        self.changed = True
+        self.fields: dict[str, Field] = {}
+        self._arrays: dict[str, Any] = {}
+        self._spares: dict[Any, Any] = {}
+        self._next_id = 0
+        self._row_of_id: Any = None
+        self._partial: Any = None
+        self.declare(BASE_FIELDS)
+        self.declare(fields)
+
+    def declare(self, fields: Iterable[Field]) -> None:
+        """Add fields to the table; a field that is there already must be the same.
+
+        Raises:
+            ValueError: two different fields of one name.
+        """
+        for field in fields:
+            known = self.fields.get(field.name)
+            if known is None:
+                self.fields[field.name] = field
+                self._arrays[field.name] = kernels.array(self._type(field), self.capacity)
+                if self.count:
+                    self.set(
+                        field.name, np.full((self.count, *field.value_shape(self.dimension)), field.initial)
+                    )
+            elif known != field:
+                raise ValueError(f"field {field.name!r} is declared twice, differently: {known} and {field}")
+
+    def __getitem__(self, name: str) -> Any:
+        return self._arrays[name]
+
+    def value_type(self, name: str) -> Any:
+        """Return the kernel language's type of one value of a field."""
+        return self._type(self.fields[name])
+
+    def _type(self, field: Field) -> Any:
+        return kernels.value_type(field.value_shape(self.dimension), field.dtype is int)
+
+    def numpy(self, name: str) -> NDArray[Any]:
+        """Return a copy of a field, shape (count, *shape), in the present order of rows."""
+        return np.asarray(self._arrays[name].to_numpy())[: self.count]
+
+    def set(self, name: str, values: ArrayLike) -> None:
+        """Overwrite a field with values of shape (count, *shape) in the present order of rows."""
+        array = self._arrays[name]
+        full = array.to_numpy()
+        full[: self.count] = values
+        array.from_numpy(full)
+
+    def insert(self, rows: Mapping[str, ArrayLike]) -> None:
+        """Append rows; fields that are not given take their ``initial`` value, ids are numbered on.
+
+        Args:
+            rows: field name to values of shape (m, *shape); ``position`` is needed.
+
+        Raises:
+            KeyError: a name that is no field.
+            ValueError: values of another length or shape.
+        """
+        unknown = set(rows) - set(self.fields)
+        if unknown:
+            raise KeyError(f"no such field: {', '.join(sorted(unknown))}")
+        new = len(np.asarray(rows["position"]))
+        if new == 0:
+            return
+        self._grow(self.count + new)
+        for name, field in self.fields.items():
+            shape = (new, *field.value_shape(self.dimension))
+            if name in rows:
+                values = np.asarray(rows[name])
+                if values.shape != shape:
+                    raise ValueError(f"rows of {name!r}: shape {values.shape}, expected {shape}")
+            elif name == "id":
+                values = np.arange(self._next_id, self._next_id + new)
+            else:
+                values = np.full(shape, field.initial)
+            full = self._arrays[name].to_numpy()
+            full[self.count : self.count + new] = values
+            self._arrays[name].from_numpy(full)
+        self.count += new
+        self._next_id = max(self._next_id + new, int(self.numpy("id").max()) + 1)
+        self.changed = True
+
+    def remove(self, rows: NDArray[np.bool_]) -> int:
+        """Remove the rows where the mask of shape (count,) is true; return how many went."""
+        gone = int(np.count_nonzero(rows))
+        if gone == 0:
+            return 0
+        for name in self.fields:
+            full = self._arrays[name].to_numpy()
+            full[: self.count - gone] = full[: self.count][~rows]
+            self._arrays[name].from_numpy(full)
+        self.count -= gone
+        self.changed = True
+        return gone
+
+    def reorder(self, order: Any) -> None:
+        """Gather every restart field by ``order`` (device array of row numbers, int32)."""
+        for name, field in self.fields.items():
+            if field.restart:
+                kind = (field.value_shape(self.dimension), field.dtype is int)
+                spare = self._spares.get(kind)
+                if spare is None:
+                    spare = kernels.array(self._type(field), self.capacity)
+                source = self._arrays[name]
+                _gather_kernel(*kind)(source, order, spare, self.count)
+                self._arrays[name] = spare
+                self._spares[kind] = source
+
+    def rows_by_id(self) -> Any:
+        """Return a device array that holds the present row number of each id."""
+        if self._row_of_id is None or self._row_of_id.shape[0] < self._next_id:
+            self._row_of_id = kernels.array(kernels.i32, 2 * self._next_id)
+        _invert_kernel()(self["id"], self._row_of_id, self.count)
+        return self._row_of_id
+
+    def largest_norm(self, name: str, rows: int = ANY) -> float:
+        """Return the largest length of a vector field over rows of the given kinds, NaN if one is not a number."""
+        if self._partial is None:
+            self._partial = kernels.array(kernels.runtime().real, _REDUCTION_BLOCKS)
+        _largest_kernel(self.fields[name].value_shape(self.dimension)[0])(
+            self[name], self["kind"], self._partial, rows, self.count
+        )
+        return float(np.sqrt(np.max(self._partial.to_numpy())))
+
+    def total(self, name: str, rows: int = ANY) -> float:
+        """Return the sum of a scalar field over rows of the given kinds, in an order that does not depend on threads."""
+        if self._partial is None:
+            self._partial = kernels.array(kernels.runtime().real, _REDUCTION_BLOCKS)
+        _total_kernel(self.fields[name].dtype is int)(
+            self[name], self["kind"], self._partial, rows, self.count
+        )
+        return float(np.sum(self._partial.to_numpy()))
+
+    def _grow(self, needed: int) -> None:
+        if needed <= self.capacity:
+            return
+        while self.capacity < needed:
+            self.capacity *= 2
+        self._spares.clear()
+        for name, field in self.fields.items():
+            old = self._arrays[name].to_numpy()
+            array = kernels.array(self._type(field), self.capacity)
+            full = array.to_numpy()
+            full[: self.count] = old[: self.count]
+            array.from_numpy(full)
+            self._arrays[name] = array
+
+
+@kernels.cached
+def _gather_kernel(shape: tuple[int, ...], integer: bool) -> Any:
+    Values = kernels.array_type(kernels.value_type(shape, integer))
+    Rows = kernels.array_type(kernels.i32)
+    serial = kernels.runtime().serial
+    qd = kernels.qd
+
+    @kernels.kernel
+    def gather(source: Values, order: Rows, target: Values, count: kernels.i32):
+        qd.loop_config(serialize=serial)
+        for i in range(count):
+            target[i] = source[order[i]]
+
+    return gather
+
+
+@kernels.cached
+def _invert_kernel() -> Any:
+    Rows = kernels.array_type(kernels.i32)
+    serial = kernels.runtime().serial
+    qd = kernels.qd
+
+    @kernels.kernel
+    def invert(ids: Rows, row_of_id: Rows, count: kernels.i32):
+        qd.loop_config(serialize=serial)
+        for i in range(count):
+            row_of_id[ids[i]] = i
+
+    return invert
+
+
+@kernels.cached
+def _largest_kernel(d: int) -> Any:
+    real = kernels.runtime().real
+    Vectors, Rows, Reals = (kernels.array_type(t) for t in (kernels.vector(d), kernels.i32, real))
+    serial, qd, blocks = kernels.runtime().serial, kernels.qd, _REDUCTION_BLOCKS
+
+    @kernels.kernel
+    def largest(field: Vectors, kind: Rows, partial: Reals, kinds: kernels.i32, count: kernels.i32):
+        qd.loop_config(serialize=serial)
+        for b in range(blocks):
+            found = qd.cast(0, real)
+            for i in range(
+                qd.cast(qd.cast(count, qd.i64) * b // blocks, qd.i32),
+                qd.cast(qd.cast(count, qd.i64) * (b + 1) // blocks, qd.i32),
+            ):
+                if kind[i] & kinds != 0:
+                    square = field[i].dot(field[i])
+                    # NaN must win: it would vanish in max().
+                    if not (square <= found):
+                        found = square
+            partial[b] = found
+
+    return largest
+
+
+@kernels.cached
+def _total_kernel(integer: bool) -> Any:
+    real = kernels.runtime().real
+    Values, Rows, Reals = (
+        kernels.array_type(t) for t in (kernels.i32 if integer else real, kernels.i32, real)
+    )
+    serial, qd, blocks = kernels.runtime().serial, kernels.qd, _REDUCTION_BLOCKS
+
+    @kernels.kernel
+    def total(field: Values, kind: Rows, partial: Reals, kinds: kernels.i32, count: kernels.i32):
+        qd.loop_config(serialize=serial)
+        for b in range(blocks):
+            s = qd.cast(0, real)
+            for i in range(
+                qd.cast(qd.cast(count, qd.i64) * b // blocks, qd.i32),
+                qd.cast(qd.cast(count, qd.i64) * (b + 1) // blocks, qd.i32),
+            ):
+                if kind[i] & kinds != 0:
+                    s += field[i]
+            partial[b] = s
+
+    return total

@@ -1,0 +1,1 @@
+"""The pressure Poisson equation: matrix, connected components, solvers."""

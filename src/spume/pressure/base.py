@@ -1,0 +1,43 @@
+"""The family of linear solvers."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from pydantic import Field as Parameter
+
+from spume.named import Scheme
+from spume.particles import Field, Particles
+from spume.pressure.matrix import LinearSystem
+
+
+@dataclass(frozen=True)
+class Solution:
+    """How a solve went: iterations and relative residual ||b - A x|| / ||b||."""
+
+    iterations: int
+    residual: float
+
+
+class NotConverged(RuntimeError):
+    """The iteration did not reach its tolerance; the message says how far it came."""
+
+
+class Solver(Scheme, family="solver"):
+    """Solves the linear system for ``pressure``, starting from the pressure of the step before."""
+
+    symmetric_only: ClassVar[bool]
+    """Whether the method needs a symmetric matrix."""
+    needs: ClassVar[tuple[Field, ...]] = ()
+
+    tolerance: float = Parameter(default=1e-6, gt=0.0, lt=1.0)
+    """Relative residual at which the iteration stops [1]."""
+    largest_iterations: int = Parameter(default=10_000, ge=1)
+    """Iterations after which it gives up [1]."""
+
+    def __call__(self, system: LinearSystem, particles: Particles) -> Solution:
+        """Solve for the unknown rows of ``pressure``.
+
+        Raises:
+            NotConverged: the tolerance was not reached.
+        """
+        raise NotImplementedError

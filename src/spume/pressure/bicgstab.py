@@ -1,0 +1,184 @@
+"""Stabilised bi-conjugate gradients with the diagonal as preconditioner."""
+
+from typing import Any, ClassVar
+
+from spume import kernels
+from spume.particles import Field, Particles
+from spume.pressure.base import Solution, Solver
+from spume.pressure.conjugate_gradient import BLOCKS, solution
+from spume.pressure.matrix import UNKNOWN, LinearSystem
+
+_VECTORS = ("residual", "shadow", "direction", "product", "middle", "middle_product", "scaled")
+
+
+class StabilisedBiconjugateGradient(Solver, name="bicgstab"):
+    """BiCGSTAB (van der Vorst 1992), preconditioner: the diagonal.
+
+    For matrices that are not symmetric; two products with the matrix per iteration.
+    """
+
+    reference: ClassVar = "vandervorst1992"
+    symmetric_only: ClassVar = False
+    needs: ClassVar = tuple(Field(f"bicgstab_{n}", (), "1", f"{n} vector of BiCGSTAB") for n in _VECTORS)
+
+    def __call__(self, system: LinearSystem, particles: Particles) -> Solution:
+        """Solve for the unknown rows of ``pressure``."""
+        start, iterate = _kernels()
+        partial, scalars, running = _workspace()
+        vectors = [
+            particles["pressure"],
+            particles["diagonal"],
+            *[particles[f"bicgstab_{n}"] for n in _VECTORS],
+        ]
+        matrix = [system.start, particles["row_length"], system.column, system.value]
+        start(
+            *matrix, *vectors, particles["rhs"], particles["row_state"], partial, scalars, running,
+            self.tolerance, particles.count,
+        )  # fmt: skip
+        if int(running.to_numpy()) == 1:
+            iterate(
+                *matrix,
+                *vectors,
+                partial,
+                scalars,
+                running,
+                self.tolerance,
+                self.largest_iterations,
+                particles.count,
+            )
+        return solution(scalars.to_numpy(), self)
+
+
+@kernels.cached
+def _workspace() -> Any:
+    real = kernels.runtime().real
+    return kernels.array(real, 5 * BLOCKS), kernels.array(real, 8), kernels.scalar_array(kernels.i32)
+
+
+@kernels.cached
+def _kernels() -> Any:
+    real = kernels.runtime().real
+    Reals, Rows, Starts = (kernels.array_type(t) for t in (real, kernels.i32, kernels.i64))
+    Flag = kernels.qd.types.ndarray(dtype=kernels.i32, ndim=0)
+    serial, qd, blocks = kernels.runtime().serial, kernels.qd, BLOCKS
+
+    @kernels.func
+    def bound(b: kernels.i32, count: kernels.i32):  # type: ignore[no-untyped-def]
+        return qd.cast(qd.cast(count, qd.i64) * b // blocks, qd.i32)
+
+    @kernels.func
+    def total(partial: Reals, first: kernels.i32):  # type: ignore[no-untyped-def]
+        s = qd.cast(0, real)
+        for b in range(blocks):
+            s += partial[first + b]
+        return s
+
+    @kernels.func
+    def row_product(
+        start: Starts, length: Rows, column: Rows, value: Reals, diagonal: Reals, x: Reals, i: kernels.i32
+    ):  # type: ignore[no-untyped-def]
+        product = diagonal[i] * x[i]
+        first = start[i]
+        for k in range(length[i]):
+            product += value[first + k] * x[column[first + k]]
+        return product
+
+    # scalars: 0 b.b, 1 r.r, 2 rho, 3 beta, 4 iterations, 5 omega
+    @kernels.kernel
+    def start_bicgstab(
+        start: Starts, length: Rows, column: Rows, value: Reals,
+        x: Reals, diagonal: Reals, r: Reals, shadow: Reals, p: Reals, v: Reals, s: Reals, t: Reals, y: Reals,
+        rhs: Reals, state: Rows, partial: Reals, scalars: Reals, running: Flag, tolerance: real, count: kernels.i32,
+    ):  # fmt: skip
+        qd.loop_config(serialize=serial)
+        for b in range(blocks):
+            rr = qd.cast(0, real)
+            bb = qd.cast(0, real)
+            for i in range(bound(b, count), bound(b + 1, count)):
+                rest = qd.cast(0, real)
+                if state[i] == UNKNOWN:
+                    rest = rhs[i] - row_product(start, length, column, value, diagonal, x, i)
+                    bb += rhs[i] * rhs[i]
+                r[i] = rest
+                shadow[i] = rest
+                p[i] = rest
+                v[i] = 0
+                rr += rest * rest
+            partial[b] = bb
+            partial[blocks + b] = rr
+        qd.loop_config(serialize=True)
+        for _ in range(1):
+            scalars[0] = total(partial, 0)
+            scalars[1] = total(partial, blocks)
+            scalars[2] = scalars[1]
+            scalars[3] = 0
+            scalars[4] = 0
+            scalars[5] = 1
+            running[None] = qd.cast(scalars[1] > tolerance * tolerance * scalars[0], qd.i32)
+
+    @kernels.qd.kernel(graph=True)
+    def iterate_bicgstab(
+        start: Starts, length: Rows, column: Rows, value: Reals,
+        x: Reals, diagonal: Reals, r: Reals, shadow: Reals, p: Reals, v: Reals, s: Reals, t: Reals, y: Reals,
+        partial: Reals, scalars: Reals, running: Flag, tolerance: real, largest: kernels.i32, count: kernels.i32,
+    ):  # fmt: skip
+        while kernels.do_while(running):
+            # v is still the product of the iteration before; beta is 0 in the first.
+            qd.loop_config(serialize=serial)
+            for i in range(count):
+                p[i] = r[i] + scalars[3] * (p[i] - scalars[5] * v[i])
+                y[i] = p[i] / diagonal[i]
+            qd.loop_config(serialize=serial)
+            for b in range(blocks):
+                sv = qd.cast(0, real)
+                for i in range(bound(b, count), bound(b + 1, count)):
+                    v[i] = row_product(start, length, column, value, diagonal, y, i)
+                    sv += shadow[i] * v[i]
+                partial[b] = sv
+            qd.loop_config(serialize=serial)
+            for b in range(blocks):
+                alpha = scalars[2] / total(partial, 0)
+                for i in range(bound(b, count), bound(b + 1, count)):
+                    x[i] += alpha * y[i]
+                    s[i] = r[i] - alpha * v[i]
+                    y[i] = s[i] / diagonal[i]
+            qd.loop_config(serialize=serial)
+            for b in range(blocks):
+                ts = qd.cast(0, real)
+                tt = qd.cast(0, real)
+                for i in range(bound(b, count), bound(b + 1, count)):
+                    t[i] = row_product(start, length, column, value, diagonal, y, i)
+                    ts += t[i] * s[i]
+                    tt += t[i] * t[i]
+                partial[blocks + b] = ts
+                partial[2 * blocks + b] = tt
+            qd.loop_config(serialize=serial)
+            for b in range(blocks):
+                tt = total(partial, 2 * blocks)
+                omega = qd.select(tt > 0, total(partial, blocks) / qd.max(tt, 1e-300), 0.0)
+                rr = qd.cast(0, real)
+                sr = qd.cast(0, real)
+                for i in range(bound(b, count), bound(b + 1, count)):
+                    x[i] += omega * y[i]
+                    rest = s[i] - omega * t[i]
+                    r[i] = rest
+                    rr += rest * rest
+                    sr += rest * shadow[i]
+                partial[3 * blocks + b] = sr
+                partial[4 * blocks + b] = rr
+            qd.loop_config(serialize=True)
+            for _ in range(1):
+                tt = total(partial, 2 * blocks)
+                omega = qd.select(tt > 0, total(partial, blocks) / qd.max(tt, 1e-300), 0.0)
+                alpha = scalars[2] / total(partial, 0)
+                rho = total(partial, 3 * blocks)
+                scalars[3] = rho / scalars[2] * alpha / omega
+                scalars[2] = rho
+                scalars[5] = omega
+                scalars[1] = total(partial, 4 * blocks)
+                scalars[4] += 1
+                running[None] = qd.cast(
+                    scalars[1] > tolerance * tolerance * scalars[0] and scalars[4] < largest, qd.i32
+                )
+
+    return start_bicgstab, iterate_bicgstab

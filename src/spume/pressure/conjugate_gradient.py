@@ -1,0 +1,225 @@
+"""Conjugate gradients with the diagonal as preconditioner."""
+
+from typing import Any, ClassVar
+
+import numpy as np
+
+from spume import kernels
+from spume.particles import Field, Particles
+from spume.pressure.base import NotConverged, Solution, Solver
+from spume.pressure.matrix import UNKNOWN, LinearSystem
+
+BLOCKS = 128
+"""Sums are made of this many partial sums, whatever the number of threads: the same bits every time."""
+
+
+class ConjugateGradient(Solver, name="cg"):
+    """Preconditioned conjugate gradients (Hestenes & Stiefel 1952), preconditioner: the diagonal.
+
+    For symmetric matrices. One iteration reads the matrix once and six vectors.
+    """
+
+    ids: ClassVar = ("A4",)
+    reference: ClassVar = "hestenes1952"
+    symmetric_only: ClassVar = True
+    needs: ClassVar = (
+        Field("cg_residual", (), "1/s^2", "residual r"),
+        Field("cg_direction", (), "Pa", "search direction p"),
+        Field("cg_product", (), "1/s^2", "A p"),
+    )
+
+    def __call__(self, system: LinearSystem, particles: Particles) -> Solution:
+        """Solve for the unknown rows of ``pressure``."""
+        start, iterate = _kernels()
+        partial, scalars, running = _workspace()
+        vectors = [
+            particles[n] for n in ("pressure", "cg_residual", "cg_direction", "cg_product", "diagonal")
+        ]
+        matrix = [system.start, particles["row_length"], system.column, system.value]
+        start(
+            *matrix, *vectors, particles["rhs"], particles["row_state"], partial, scalars, running,
+            self.tolerance, particles.count,
+        )  # fmt: skip
+        if int(running.to_numpy()) == 1:
+            iterate(
+                *matrix,
+                *vectors,
+                partial,
+                scalars,
+                running,
+                self.tolerance,
+                self.largest_iterations,
+                particles.count,
+            )
+        return solution(scalars.to_numpy(), self)
+
+
+def solution(scalars: Any, solver: Solver) -> Solution:
+    """Return the solution's figures from (b.b, r.r, …, iterations at 4).
+
+    Raises:
+        NotConverged: the residual is above the tolerance or not a number.
+    """
+    right, rest, iterations = float(scalars[0]), float(scalars[1]), int(scalars[4])
+    residual = float(np.sqrt(rest / right)) if right > 0 else 0.0
+    # The recurrence may stop a hair above the tolerance in rounding; twice that is a failure.
+    if not residual <= 2.0 * solver.tolerance:
+        raise NotConverged(
+            f"{solver.key}: relative residual {residual:.3g} after {iterations} iterations, tolerance {solver.tolerance:g}"
+        )
+    return Solution(iterations, residual)
+
+
+@kernels.cached
+def _workspace() -> Any:
+    real = kernels.runtime().real
+    return kernels.array(real, 4 * BLOCKS), kernels.array(real, 8), kernels.scalar_array(kernels.i32)
+
+
+@kernels.cached
+def _kernels() -> Any:
+    """Return the kernels that start and that iterate.
+
+    The stages of an iteration are functions of one block of rows. With several threads each stage is a
+    parallel loop over blocks and the iteration a loop on the device; with one thread all of it is one
+    plain loop, which costs a single launch per solve.
+    """
+    real = kernels.runtime().real
+    Reals, Rows, Starts = (kernels.array_type(t) for t in (real, kernels.i32, kernels.i64))
+    Flag = kernels.qd.types.ndarray(dtype=kernels.i32, ndim=0)
+    serial, qd, blocks = kernels.runtime().serial, kernels.qd, BLOCKS
+
+    @kernels.func
+    def bound(b: kernels.i32, count: kernels.i32):  # type: ignore[no-untyped-def]
+        return qd.cast(qd.cast(count, qd.i64) * b // blocks, qd.i32)
+
+    @kernels.func
+    def total(partial: Reals, first: kernels.i32):  # type: ignore[no-untyped-def]
+        s = qd.cast(0, real)
+        for b in range(blocks):
+            s += partial[first + b]
+        return s
+
+    @kernels.func
+    def residual(
+        b: kernels.i32, start: Starts, length: Rows, column: Rows, value: Reals, x: Reals, r: Reals, p: Reals,
+        diagonal: Reals, rhs: Reals, state: Rows, partial: Reals, count: kernels.i32,
+    ):  # fmt: skip
+        rr = qd.cast(0, real)
+        rz = qd.cast(0, real)
+        bb = qd.cast(0, real)
+        for i in range(bound(b, count), bound(b + 1, count)):
+            rest = qd.cast(0, real)
+            if state[i] == UNKNOWN:
+                first = start[i]
+                rest = rhs[i] - diagonal[i] * x[i]
+                for k in range(length[i]):
+                    rest -= value[first + k] * x[column[first + k]]
+                bb += rhs[i] * rhs[i]
+            r[i] = rest
+            p[i] = rest / diagonal[i]
+            rr += rest * rest
+            rz += rest * p[i]
+        partial[b] = bb
+        partial[blocks + b] = rr
+        partial[2 * blocks + b] = rz
+
+    @kernels.func
+    def product(
+        b: kernels.i32, start: Starts, length: Rows, column: Rows, value: Reals, p: Reals, q: Reals,
+        diagonal: Reals, partial: Reals, count: kernels.i32,
+    ):  # fmt: skip
+        pq = qd.cast(0, real)
+        for i in range(bound(b, count), bound(b + 1, count)):
+            s = diagonal[i] * p[i]
+            first = start[i]
+            for k in range(length[i]):
+                s += value[first + k] * p[column[first + k]]
+            q[i] = s
+            pq += p[i] * s
+        partial[b] = pq
+
+    @kernels.func
+    def advance(
+        b: kernels.i32, x: Reals, r: Reals, p: Reals, q: Reals, diagonal: Reals, partial: Reals, scalars: Reals,
+        count: kernels.i32,
+    ):  # fmt: skip
+        alpha = scalars[2] / total(partial, 0)
+        rr = qd.cast(0, real)
+        rz = qd.cast(0, real)
+        for i in range(bound(b, count), bound(b + 1, count)):
+            x[i] += alpha * p[i]
+            rest = r[i] - alpha * q[i]
+            r[i] = rest
+            rr += rest * rest
+            rz += rest * rest / diagonal[i]
+        partial[blocks + b] = rr
+        partial[2 * blocks + b] = rz
+
+    @kernels.func
+    def decide(partial: Reals, scalars: Reals, running: Flag, tolerance: real, largest: kernels.i32):  # type: ignore[no-untyped-def]
+        rz = total(partial, 2 * blocks)
+        scalars[3] = rz / scalars[2]
+        scalars[2] = rz
+        scalars[1] = total(partial, blocks)
+        scalars[4] += 1
+        running[None] = qd.cast(
+            scalars[1] > tolerance * tolerance * scalars[0] and scalars[4] < largest, qd.i32
+        )
+
+    @kernels.func
+    def turn(b: kernels.i32, r: Reals, p: Reals, diagonal: Reals, scalars: Reals, count: kernels.i32):  # type: ignore[no-untyped-def]
+        for i in range(bound(b, count), bound(b + 1, count)):
+            p[i] = r[i] / diagonal[i] + scalars[3] * p[i]
+
+    @kernels.kernel
+    def start_cg(
+        start: Starts, length: Rows, column: Rows, value: Reals,
+        x: Reals, r: Reals, p: Reals, q: Reals, diagonal: Reals, rhs: Reals, state: Rows,
+        partial: Reals, scalars: Reals, running: Flag, tolerance: real, count: kernels.i32,
+    ):  # fmt: skip
+        qd.loop_config(serialize=serial)
+        for b in range(blocks):
+            residual(b, start, length, column, value, x, r, p, diagonal, rhs, state, partial, count)
+        qd.loop_config(serialize=True)
+        for _ in range(1):
+            scalars[0] = total(partial, 0)
+            scalars[1] = total(partial, blocks)
+            scalars[2] = total(partial, 2 * blocks)
+            scalars[4] = 0
+            running[None] = qd.cast(scalars[1] > tolerance * tolerance * scalars[0], qd.i32)
+
+    @kernels.kernel
+    def iterate_in_one_thread(
+        start: Starts, length: Rows, column: Rows, value: Reals,
+        x: Reals, r: Reals, p: Reals, q: Reals, diagonal: Reals,
+        partial: Reals, scalars: Reals, running: Flag, tolerance: real, largest: kernels.i32, count: kernels.i32,
+    ):  # fmt: skip
+        qd.loop_config(serialize=True)
+        for _ in range(1):
+            while running[None] == 1:
+                for b in range(blocks):
+                    product(b, start, length, column, value, p, q, diagonal, partial, count)
+                for b in range(blocks):
+                    advance(b, x, r, p, q, diagonal, partial, scalars, count)
+                decide(partial, scalars, running, tolerance, largest)
+                for b in range(blocks):
+                    turn(b, r, p, diagonal, scalars, count)
+
+    @kernels.qd.kernel(graph=True)
+    def iterate(
+        start: Starts, length: Rows, column: Rows, value: Reals,
+        x: Reals, r: Reals, p: Reals, q: Reals, diagonal: Reals,
+        partial: Reals, scalars: Reals, running: Flag, tolerance: real, largest: kernels.i32, count: kernels.i32,
+    ):  # fmt: skip
+        while kernels.do_while(running):
+            for b in range(blocks):
+                product(b, start, length, column, value, p, q, diagonal, partial, count)
+            for b in range(blocks):
+                advance(b, x, r, p, q, diagonal, partial, scalars, count)
+            for _ in range(1):
+                decide(partial, scalars, running, tolerance, largest)
+            for b in range(blocks):
+                turn(b, r, p, diagonal, scalars, count)
+
+    return start_cg, iterate_in_one_thread if serial else iterate

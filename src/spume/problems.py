@@ -1,0 +1,166 @@
+"""What is wrong with a case: one sentence per mistake, with file, line, key and value."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from pydantic import ValidationError
+
+from spume.named import Location, nearest_match
+from spume.toml import literal
+
+_LONGEST_VALUE = 60
+_ABSENT = object()
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One mistake.
+
+    Attributes:
+        where: file and line, or the command-line option that gave the value; may be empty.
+        key: dotted path of the key.
+        value: what was given, as TOML; empty where nothing was.
+        message: what is allowed.
+    """
+
+    where: str
+    key: str
+    value: str
+    message: str
+
+    def __str__(self) -> str:
+        given = self.key + (f" = {self.value}" if self.value else "")
+        return ": ".join(part for part in (self.where, given, self.message) if part)
+
+
+class CaseError(ValueError):
+    """A case that cannot be run; `problems` lists every mistake found, `str` gives one per line."""
+
+    def __init__(self, problems: Iterable[Problem]) -> None:
+        self.problems = tuple(problems)
+        super().__init__("\n".join(map(str, self.problems)))
+
+
+@dataclass(frozen=True, eq=False)
+class Origin:
+    """Where the values of a case come from; it is no part of what the case is, so all origins are equal.
+
+    Attributes:
+        file: name of the case file, empty for a case made in Python.
+        document: what the file and the overrides say.
+        lines: line of each key of the file.
+        overrides: option that gave each overridden key.
+        label: name of the case, after which a run folder is named.
+    """
+
+    file: str = ""
+    document: Mapping[str, Any] = field(default_factory=dict)
+    lines: Mapping[Location, int] = field(default_factory=dict)
+    overrides: Mapping[Location, str] = field(default_factory=dict)
+    label: str = ""
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Origin)
+
+    def __hash__(self) -> int:
+        return 0
+
+    def problem(self, loc: Location, message: str, value: Any = _ABSENT) -> Problem:
+        """Return a mistake at a key; where the key is absent, the line of the table that lacks it."""
+        if value is _ABSENT:
+            value = self.value(loc)
+        return Problem(self.where(loc), self.name(loc), shown(value), message)
+
+    def where(self, loc: Location) -> str:
+        """Return ``file:line`` or the option that gave the value."""
+        for length in range(len(loc), 0, -1):
+            if loc[:length] in self.overrides:
+                return self.overrides[loc[:length]]
+            if loc[:length] in self.lines:
+                return f"{self.file}:{self.lines[loc[:length]]}"
+        return self.file
+
+    def value(self, loc: Location) -> Any:
+        """Return what the case says at a key, or a marker that it says nothing."""
+        node: Any = self.document
+        for part in loc:
+            try:
+                node = node[part]
+            except (KeyError, IndexError, TypeError):
+                return _ABSENT
+        return node
+
+    def name(self, loc: Location) -> str:
+        """Return the dotted path as ``--set`` takes it; elements of arrays go by their ``name`` if any."""
+        parts = []
+        for number, part in enumerate(loc):
+            node = self.value(loc[: number + 1])
+            label = node.get("name") if isinstance(part, int) and isinstance(node, Mapping) else None
+            parts.append(label if isinstance(label, str) and label else str(part))
+        return ".".join(parts)
+
+    def problems(self, error: ValidationError) -> list[Problem]:
+        """Return the mistakes that validation found, in the order of the file."""
+        found = []
+        for item in error.errors(include_url=False):
+            loc = tuple(item["loc"])
+            value = None if item["type"] == "missing" else item["input"]
+            found.append((self._order(loc), self.problem(loc, _message(item), value)))
+        return [problem for _, problem in sorted(found, key=lambda pair: pair[0])]
+
+    def _order(self, loc: Location) -> int:
+        for length in range(len(loc), 0, -1):
+            if loc[:length] in self.lines:
+                return self.lines[loc[:length]]
+        return 0
+
+
+def shown(value: Any) -> str:
+    """Return a value as it would stand in a case file, shortened; nothing for a whole table."""
+    if value is _ABSENT or value is None or isinstance(value, Mapping):
+        return ""
+    try:
+        text = literal(value)
+    except TypeError:
+        text = repr(value)
+    return text if len(text) <= _LONGEST_VALUE else text[: _LONGEST_VALUE - 1] + "…"
+
+
+_KINDS = {
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "string_type": "text in quotes",
+    "bool_type": "true or false",
+    "tuple_type": "a list in brackets",
+    "finite_number": "a finite number",
+    "missing": "this key is required",
+    "model_type": "a table",
+    "model_attributes_type": "a table",
+    "dict_type": "a table",
+}
+
+
+def _message(item: Any) -> str:
+    """Return what is allowed, from one of pydantic's errors."""
+    context = item.get("ctx", {})
+    kind = item["type"]
+    if kind == "missing":
+        return _KINDS[kind]
+    if kind in _KINDS:
+        return f"must be {_KINDS[kind]}"
+    if kind == "literal_error":
+        given = item["input"]
+        choices = re.findall(r"'([^']*)'", context.get("expected", ""))
+        near = nearest_match(given, choices) if isinstance(given, str) else ""
+        return f"must be {context['expected']}{near}"
+    if kind == "too_short":
+        return f"must have at least {context['min_length']} entries, has {context['actual_length']}"
+    if kind == "too_long":
+        return f"must have at most {context['max_length']} entries, has {context['actual_length']}"
+    message: str = item["msg"].removeprefix("Value error, ")
+    return message.replace("Input should be", "must be").replace("String should", "text should")

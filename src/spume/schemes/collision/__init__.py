@@ -1,0 +1,1 @@
+"""Treatment of particles that come too close."""

@@ -1,0 +1,104 @@
+"""The matrix that makes gradient and divergence exact for linear fields on any arrangement."""
+
+from spume import kernels
+from spume.lattice import Lattice
+from spume.pairs import Pairs, pair_sum, pair_term
+from spume.particles import ANY, FLUID, WALL, Field, Particles
+from spume.schemes.operator import Operator
+
+CORRECTION = Field("correction", ("d", "d"), "1", "corrective matrix C of the gradient")
+
+
+@kernels.func
+def identity_like(matrix):  # type: ignore[no-untyped-def]
+    identity = matrix * 0.0
+    for k in kernels.static(range(matrix.n)):
+        identity[k, k] = 1.0
+    return identity
+
+
+@kernels.func
+def smallest_eigenvalue(m):  # type: ignore[no-untyped-def]
+    """Return the smallest eigenvalue of a symmetric 2 x 2 or 3 x 3 matrix."""
+    mean = m.trace() / m.n
+    result = mean
+    if kernels.static(m.n == 2):
+        result = mean - kernels.sqrt(kernels.qd.max(mean * mean - m.determinant(), 0.0))
+    else:
+        # The trigonometric solution of the characteristic polynomial (Smith 1961).
+        shifted = m - mean * identity_like(m)
+        size = kernels.sqrt(shifted.norm_sqr() / 6.0)
+        if size > 1e-12:
+            half = 0.5 * (shifted / size).determinant()
+            angle = kernels.qd.acos(kernels.qd.min(kernels.qd.max(half, -1.0), 1.0)) / 3.0
+            result = mean + 2.0 * size * kernels.qd.cos(angle + 2.0943951023931953)
+    return result
+
+
+def _inverse_or_identity(a, moment, scale, largest_condition):  # type: ignore[no-untyped-def]
+    scaled = moment * scale
+    result = identity_like(scaled)
+    determinant = scaled.determinant()
+    # The smallest eigenvalue of a moment matrix is at least det/norm^(d-1), so tiny ones are caught here.
+    if abs(determinant) > 1e-12:
+        inverse = scaled.inverse()
+        if scaled.norm_sqr() * inverse.norm_sqr() < largest_condition * largest_condition:
+            result = inverse
+    return result
+
+
+def _bounded_inverse(a, moment, scale, floor):  # type: ignore[no-untyped-def]
+    scaled = moment * scale
+    identity = identity_like(scaled)
+    scaled += a.surface_share * (identity - scaled)
+    scaled += max(floor - smallest_eigenvalue(scaled), 0.0) * identity
+    return scaled.inverse()
+
+
+@pair_term(shape=("d", "d"), finish=_inverse_or_identity)
+def moment(a, b, r, w, scale, limit):  # type: ignore[no-untyped-def]
+    return r.outer_product(r) * (w / r.dot(r))
+
+
+@pair_term(reads=("surface_share",), shape=("d", "d"), finish=_bounded_inverse)
+def bounded_moment(a, b, r, w, scale, limit):  # type: ignore[no-untyped-def]
+    return r.outer_product(r) * (w / r.dot(r))
+
+
+def correction_matrix(
+    operator: Operator,
+    lattice: Lattice,
+    particles: Particles,
+    pairs: Pairs,
+    over: int = ANY,
+    largest_condition: float = 1e3,
+    rows: int = FLUID | WALL,
+) -> None:
+    """Write C_i = M_i^-1, M_i = d/n0 sum_j W r (x) r/r^2, into ``correction``.
+
+    Khayyer & Gotoh 2011, normalised by d/n0. Where M is singular or its condition number (Frobenius)
+    exceeds ``largest_condition``, C = I.
+    """
+    pair_sum(
+        moment, particles, pairs, out="correction", weight=operator.weight, re=operator.radius(lattice),
+        over=over, rows=rows, arguments=(lattice.dimension / operator.n0(lattice), largest_condition),
+    )  # fmt: skip
+
+
+def bounded_correction_matrix(
+    operator: Operator,
+    lattice: Lattice,
+    particles: Particles,
+    pairs: Pairs,
+    over: int = ANY,
+    floor: float = 0.3,
+) -> None:
+    """Write C_i = [M_i + theta_i (I - M_i)]^-1 into ``correction``, theta the row's share in the free surface.
+
+    The eigenvalues of the bracket are raised to ``floor`` at least, so that no arrangement of few
+    neighbours multiplies a pressure difference by more than 1/floor.
+    """
+    pair_sum(
+        bounded_moment, particles, pairs, out="correction", weight=operator.weight, re=operator.radius(lattice),
+        over=over, arguments=(lattice.dimension / operator.n0(lattice), floor),
+    )  # fmt: skip

@@ -1,0 +1,33 @@
+"""The family of divergence models."""
+
+from spume import kernels
+from spume.lattice import Lattice
+from spume.pairs import Pairs
+from spume.particles import FLUID, Particles
+from spume.schemes.operator import Operator
+
+
+@kernels.func
+def mirrored(a, b, mirror):  # type: ignore[no-untyped-def]
+    """Return the difference of velocity of a pair; towards a solid row, that of a mirror particle if asked for."""
+    difference = b.velocity - a.velocity
+    if mirror > 0.5 and b.kind != FLUID:
+        normal = b.to_surface.normalized()
+        difference = 2.0 * difference.dot(normal) * normal
+    return difference
+
+
+class Divergence(Operator, family="divergence"):
+    """A model of the divergence of the velocity at fluid and wall rows."""
+
+    def __call__(
+        self, lattice: Lattice, particles: Particles, pairs: Pairs, out: str, mirror: bool = False
+    ) -> None:
+        """Write the divergence of ``velocity`` [1/s] at fluid and wall rows into ``out``.
+
+        Args:
+            out: name of the scalar field to write.
+            mirror: solid neighbours move like the row's mirror image: the normal part of the difference
+                counts twice, the tangential part not at all.
+        """
+        raise NotImplementedError

@@ -1,0 +1,1 @@
+"""Detection of the free surface."""

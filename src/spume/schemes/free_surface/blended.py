@@ -1,0 +1,50 @@
+"""A free surface that rows join gradually."""
+
+from typing import Any, ClassVar
+
+from pydantic import Field as Parameter
+
+from spume import kernels
+from spume.lattice import Lattice
+from spume.pairs import Pairs, row_map, row_term
+from spume.particles import FLUID, WALL, Particles
+from spume.schemes.free_surface.base import FreeSurface
+
+
+@row_term(reads=("number_density",))
+def share(a, upper, lower):  # type: ignore[no-untyped-def]
+    return min(max((upper - a.number_density) / (upper - lower), 0.0), 1.0)
+
+
+@row_term(reads=("surface_share",))
+def mostly(a):  # type: ignore[no-untyped-def]
+    return kernels.qd.cast(a.surface_share > 0.5, kernels.i32)
+
+
+class Blended(FreeSurface, name="blended"):
+    """A row belongs to the surface by the share theta = (upper - n/n0)/(upper - lower), limited to 0 … 1.
+
+    The pressure matrix draws a row towards the surface pressure with a weight that grows from nothing to
+    a Dirichlet condition as theta goes from 0 to 1. No row jumps between unknown and known from one step
+    to the next, which is where much of the noise of a sharp detection comes from. (This project.)
+    """
+
+    ids: ClassVar = ("E1",)
+    reference: ClassVar = "koshizuka1996"
+
+    upper: float = Parameter(default=0.9, gt=0.5, le=1.0)
+    """Fraction of n0 at which a row begins to belong to the surface [1]."""
+    lower: float = Parameter(default=0.75, gt=0.3, le=1.0)
+    """Fraction of n0 at which it belongs to it entirely [1]."""
+
+    def __call__(self, lattice: Lattice, particles: Particles, pairs: Pairs, number_density: Any) -> None:
+        """Write ``free_surface`` (1 or 0) and ``surface_share`` (1 … 0) of fluid and wall rows."""
+        n0 = number_density.n0(lattice)
+        row_map(
+            share,
+            particles,
+            out="surface_share",
+            rows=FLUID | WALL,
+            arguments=(self.upper * n0, self.lower * n0),
+        )
+        row_map(mostly, particles, out="free_surface", rows=FLUID | WALL)

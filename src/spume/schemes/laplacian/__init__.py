@@ -1,0 +1,1 @@
+"""Laplacian models, shared by the pressure matrix and by viscosity."""

@@ -1,0 +1,29 @@
+"""What every particle interaction model has: a weight function and an effective radius."""
+
+from pydantic import Field
+
+from spume.lattice import Lattice
+from spume.named import Scheme
+from spume.schemes.weight.base import Weight
+from spume.schemes.weight.inverse import Inverse
+
+
+class Operator(Scheme):
+    """A model that sums over the neighbours nearer than ``re`` with a weight function."""
+
+    weight: Weight = Inverse()
+    """Weight function W(r, re)."""
+    re: float = Field(default=2.1, ge=1.1, le=6.0)
+    """Effective radius as a multiple of the spacing l0 [1]."""
+
+    def radius(self, lattice: Lattice) -> float:
+        """Return the effective radius [m]."""
+        return self.re * lattice.spacing
+
+    def n0(self, lattice: Lattice) -> float:
+        """Return the reference number density for this weight and radius [1]."""
+        return lattice.n0(self.weight, self.re)
+
+    def lambda_(self, lattice: Lattice) -> float:
+        """Return lambda for this weight and radius [m^2]."""
+        return lattice.lambda_(self.weight, self.re)

@@ -1,0 +1,25 @@
+"""No shifting."""
+
+from typing import Any, ClassVar
+
+from spume.lattice import Lattice
+from spume.pairs import Pairs
+from spume.particles import Particles
+from spume.schemes.shifting.base import Shifting
+
+
+class Unshifted(Shifting, name="none"):
+    """Rows stay where the flow took them."""
+
+    conserves: ClassVar = frozenset({"momentum", "angular momentum"})
+
+    def __call__(
+        self,
+        lattice: Lattice,
+        particles: Particles,
+        pairs: Pairs,
+        number_density: Any,
+        largest_speed: float,
+        dt: float,
+    ) -> None:
+        """Leave ``position`` as it is."""

@@ -1,0 +1,1 @@
+"""Right sides of the pressure Poisson equation."""

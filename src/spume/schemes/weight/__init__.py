@@ -1,0 +1,1 @@
+"""Weight functions W(r, re): how much a neighbour at distance r counts."""

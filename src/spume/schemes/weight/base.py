@@ -1,0 +1,30 @@
+"""The family of weight functions."""
+
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from spume import kernels
+from spume.named import Scheme
+
+
+class Weight(Scheme, family="weight"):
+    """A weight function W(r, re) for 0 < r < re; scale-free: W(a r, a re) = W(r, re) for any a > 0."""
+
+    formula: ClassVar[Callable[..., Any]]
+    """The function of r and re, in operations that both NumPy and the kernel language know."""
+
+    def function(self) -> Any:
+        """Return the weight as a function of the kernel language."""
+        return _compiled(type(self))
+
+    def values(self, r: ArrayLike, re: float) -> NDArray[np.float64]:
+        """Return W(r, re) for an array of distances below re."""
+        return np.asarray(type(self).formula(np.asarray(r, dtype=float), re))
+
+
+@kernels.cached
+def _compiled(scheme: type[Weight]) -> Any:
+    return kernels.func(scheme.formula)

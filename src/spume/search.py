@@ -1,0 +1,458 @@
+"""Neighbour search: rows sorted by cell, then a list of near rows for each fluid and wall row.
+
+A counting sort brings the rows into cell order (x fastest; within a cell by id, so that the order
+does not depend on threads). Three neighbouring cells along x are then one contiguous range of rows,
+and the search walks 3 (2D) or 9 (3D) such ranges per row. Lists are written in one pass: a block of
+rows shares a stretch of storage, inside which its lists are packed; the stretch grows when it overflows.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spume import kernels
+from spume.particles import FLUID, WALL, Particles
+
+LISTED = FLUID | WALL
+"""Kinds of rows that own a list; dummy rows appear only as neighbours."""
+
+_CELLS_PER_REACH = 1
+"""Cells are this many times smaller than the search radius: fewer distance tests, more ranges to walk."""
+
+_REDUCTION_BLOCKS = 128
+
+
+class NeighbourList:
+    """Rows near each row, stored as 64-bit starts, lengths and row numbers.
+
+    Attributes:
+        start: first slot of each row's list (int64).
+        length: number of neighbours of each row (int32).
+        neighbour: row numbers.
+        builds: how many times the list was built.
+    """
+
+    def __init__(
+        self,
+        radius: float,
+        skin: float,
+        lower: NDArray[np.float64],
+        upper: NDArray[np.float64],
+        periodic: tuple[bool, ...],
+    ) -> None:
+        self.radius = radius
+        self.skin = skin
+        self.lower, self.upper = lower, upper
+        self.periodic = periodic
+        self.period = tuple(float(p) for p in np.where(periodic, upper - lower, 1.0))
+        for k, joined in enumerate(periodic):
+            if joined and self.period[k] < 3 * (radius + skin):
+                raise ValueError(
+                    f"periodic length {self.period[k]:g} m along axis {k}: at least three times the search "
+                    f"radius, {3 * (radius + skin):g} m"
+                )
+        self.builds = 0
+        self._home: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+        self._capacity = 0
+        self._cells = 0
+        self._slots_per_block = 0
+        self._rows_per_block = 64 if kernels.runtime().device == "cpu" else 1
+        d = len(lower)
+        self._partial = kernels.array(kernels.vector(d), 2 * _REDUCTION_BLOCKS)
+        self._flag = kernels.array(kernels.i32, 1)
+
+    def update(self, particles: Particles) -> int:
+        """Make the list valid for the present positions; return how many rows left the region."""
+        if self.builds and not particles.changed and self.skin > 0:
+            limit = (0.5 * self.skin) ** 2
+            if self._largest_displacement_squared(particles) < limit:
+                return 0
+        return self.build(particles)
+
+    def build(self, particles: Particles) -> int:
+        """Sort the rows by cell and build the list; return how many rows were removed."""
+        self._reserve(particles)
+        low, high = self._wrap_and_bound(particles)
+        removed = 0
+        if not (np.all(low >= self.lower) and np.all(high <= self.upper)):
+            x = particles.numpy("position")
+            removed = particles.remove(~np.all((x >= self.lower) & (x <= self.upper), axis=1))
+            low, high = self._wrap_and_bound(particles)
+        origin, size, shape = self._grid(particles.count, low, high)
+        self._sort(particles, origin, size, shape)
+        while not self._fill(particles, origin, size, shape):
+            self._slots_per_block = int(1.3 * int(self._flag.to_numpy()[0])) + 64
+            self._allocate_slots()
+        if self.skin > 0:
+            _copy_kernel(particles.dimension)(particles["position"], self._built, particles.count)
+        particles.changed = False
+        self.builds += 1
+        return removed
+
+    def bytes(self) -> int:
+        """Return the memory of the list [bytes]."""
+        blocks = -(-self._capacity // self._rows_per_block)
+        return 12 * self._capacity + 4 * blocks * self._slots_per_block
+
+    def _reserve(self, particles: Particles) -> None:
+        if self._capacity == particles.capacity:
+            return
+        self._capacity = particles.capacity
+        self.start = kernels.array(kernels.i64, self._capacity)
+        self.length = kernels.array(kernels.i32, self._capacity)
+        self._cell = kernels.array(kernels.i32, self._capacity)
+        self._order = kernels.array(kernels.i32, self._capacity)
+        self._built = kernels.array(kernels.vector(particles.dimension), self._capacity)
+        if not self._slots_per_block:
+            reach = (self.radius + self.skin) / particles.spacing
+            near = math.pi * reach**2 if particles.dimension == 2 else 4.2 * reach**3
+            self._slots_per_block = int(1.25 * near * self._rows_per_block) + 64
+        self._allocate_slots()
+
+    def _allocate_slots(self) -> None:
+        blocks = -(-self._capacity // self._rows_per_block)
+        self.neighbour = kernels.array(kernels.i32, blocks * self._slots_per_block)
+
+    def _wrap_and_bound(self, particles: Particles) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        d = particles.dimension
+        kernel = _wrap_and_bound_kernel(d, self.periodic)
+        kernel(particles["position"], self._partial, particles.count, *self.lower, *self.period)
+        partial = self._partial.to_numpy()
+        return partial[:_REDUCTION_BLOCKS].min(axis=0), partial[_REDUCTION_BLOCKS:].max(axis=0)
+
+    def _largest_displacement_squared(self, particles: Particles) -> float:
+        kernel = _displacement_kernel(particles.dimension)
+        kernel(particles["position"], self._built, self._partial, particles.count)
+        return float(self._partial.to_numpy()[:_REDUCTION_BLOCKS, 0].max())
+
+    def _grid(
+        self, count: int, low: NDArray[np.float64], high: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+        """Choose the cells: the rows' bounding box, of which only rows that fly far are left out.
+
+        A row outside the grid is counted into the nearest border cell. That keeps the search exact
+        (clamping never moves two rows apart) and its cost bounded.
+        """
+        if self._home is None:
+            extent = high - low + self.radius
+            self._home = low - 0.5 * extent, high + 0.5 * extent
+        low, high = np.maximum(low, self._home[0]), np.minimum(high, self._home[1])
+        low, high = np.minimum(low, high), np.maximum(low, high)
+        reach = (self.radius + self.skin) / _CELLS_PER_REACH
+        joined = np.array(self.periodic)
+        low = np.where(joined, self.lower, low)
+        extent = np.where(joined, self.upper - self.lower, high - low)
+        size = np.full(len(low), reach)
+        while True:
+            shape = np.where(joined, np.floor(extent / size), np.floor(extent / size) + 1).astype(np.int64)
+            shape = np.maximum(shape, np.where(joined, 2 * _CELLS_PER_REACH + 1, 1))
+            if shape.prod() <= max(4 * count, 1 << 16):
+                break
+            size = size * 1.5
+        return low, np.where(joined, extent / shape, size), shape
+
+    def _sort(
+        self,
+        particles: Particles,
+        origin: NDArray[np.float64],
+        size: NDArray[np.float64],
+        shape: NDArray[np.int64],
+    ) -> None:
+        d, count, cells = particles.dimension, particles.count, int(shape.prod())
+        if cells + 1 > self._cells:
+            self._cells = 2 * (cells + 1)
+            self._cell_start = kernels.array(kernels.i32, self._cells)
+            self._cursor = kernels.array(kernels.i32, self._cells)
+            self._sums = kernels.array(kernels.i32, _SCAN_BLOCKS)
+        _cell_kernel(d)(
+            particles["position"],
+            self._cell,
+            self._cursor,
+            count,
+            cells + 1,
+            *origin,
+            *size,
+            *[int(s) for s in shape],
+        )
+        _scan_kernel()(self._cursor, self._cell_start, self._sums, cells + 1)
+        _scatter_kernel()(
+            self._cell, self._cell_start, self._cursor, self._order, particles["id"], count, cells
+        )
+        particles.reorder(self._order)
+
+    def _fill(
+        self,
+        particles: Particles,
+        origin: NDArray[np.float64],
+        size: NDArray[np.float64],
+        shape: NDArray[np.int64],
+    ) -> bool:
+        d, count = particles.dimension, particles.count
+        self._flag.fill(0)
+        _list_kernel(d, self.periodic)(
+            particles["position"], particles["kind"], self._cell_start, self.start, self.length, self.neighbour,
+            self._flag, count, self._rows_per_block, self._slots_per_block, self.radius + self.skin,
+            *origin, *size, *[int(s) for s in shape], *self.period,
+        )  # fmt: skip
+        return int(self._flag.to_numpy()[0]) <= self._slots_per_block
+
+
+_SCAN_BLOCKS = 256
+
+
+def _types(d: int) -> tuple[Any, Any, Any, Any]:
+    return (
+        kernels.array_type(kernels.vector(d)),
+        kernels.array_type(kernels.i32),
+        kernels.array_type(kernels.i64),
+        kernels.runtime().real,
+    )
+
+
+@kernels.cached
+def _copy_kernel(d: int) -> Any:
+    Vectors, _, _, _ = _types(d)
+    serial, qd = kernels.runtime().serial, kernels.qd
+
+    @kernels.kernel
+    def copy(source: Vectors, target: Vectors, count: kernels.i32):
+        qd.loop_config(serialize=serial)
+        for i in range(count):
+            target[i] = source[i]
+
+    return copy
+
+
+@kernels.cached
+def _displacement_kernel(d: int) -> Any:
+    Vectors, _, _, _ = _types(d)
+    serial, qd, blocks, real = kernels.runtime().serial, kernels.qd, _REDUCTION_BLOCKS, kernels.runtime().real
+
+    @kernels.kernel
+    def displacement(position: Vectors, built: Vectors, partial: Vectors, count: kernels.i32):
+        qd.loop_config(serialize=serial)
+        for b in range(blocks):
+            largest = qd.cast(0, real)
+            for i in range((count * b) // blocks, (count * (b + 1)) // blocks):
+                moved = position[i] - built[i]
+                largest = qd.max(largest, moved.dot(moved))
+            partial[b][0] = largest
+
+    return displacement
+
+
+@kernels.cached
+def _wrap_and_bound_kernel(d: int, periodic: tuple[bool, ...]) -> Any:
+    lower = ", ".join(f"lower{k}: real" for k in range(d))
+    period = ", ".join(f"period{k}: real" for k in range(d))
+    wraps = [
+        f"            position[i][{k}] -= period{k} * qd.floor((position[i][{k}] - lower{k}) / period{k})"
+        for k in range(d)
+        if periodic[k]
+    ]
+    Vectors, _, _, real = _types(d)
+    lines = [
+        f"def wrap_and_bound(position: Vectors, partial: Vectors, count: qd.i32, {lower}, {period}):",
+        "    qd.loop_config(serialize=serial)",
+        "    for b in range(blocks):",
+        "        low = Vector(largest)",
+        "        high = Vector(-largest)",
+        "        for i in range(qd.cast(qd.cast(count, qd.i64) * b // blocks, qd.i32),",
+        "                       qd.cast(qd.cast(count, qd.i64) * (b + 1) // blocks, qd.i32)):",
+        *wraps,
+        "            x = position[i]",
+        # Comparisons with NaN are false, so a NaN position leaves no trace in min and max: flag it.
+        "            for k in qd.static(range(d)):",
+        "                if not (qd.abs(x[k]) < largest):",
+        "                    x[k] = largest",
+        "            low = qd.min(low, x)",
+        "            high = qd.max(high, x)",
+        "        partial[b] = low",
+        "        partial[blocks + b] = high",
+    ]
+    return kernels.compiled(
+        "wrap_and_bound", "\n".join(lines) + "\n", Vectors=Vectors, real=real, d=d,
+        Vector=kernels.vector(d), blocks=_REDUCTION_BLOCKS, serial=kernels.runtime().serial,
+        largest=float(np.finfo(kernels.runtime().dtype).max),
+    )  # fmt: skip
+
+
+@kernels.cached
+def _cell_kernel(d: int) -> Any:
+    Vectors, Rows, _, real = _types(d)
+    axes = range(d)
+    parameters = [f"origin{k}: real" for k in axes] + [f"size{k}: real" for k in axes]
+    parameters += [f"shape{k}: qd.i32" for k in axes]
+    index = [
+        f"        c{k} = qd.min(qd.max(qd.cast(qd.floor((position[i][{k}] - origin{k}) / size{k}), qd.i32), 0), "
+        f"shape{k} - 1)"
+        for k in axes
+    ]
+    flat = "c0 + shape0 * c1" if d == 2 else "c0 + shape0 * (c1 + shape1 * c2)"
+    lines = [
+        f"def cells(position: Vectors, cell: Rows, counts: Rows, count: qd.i32, n: qd.i32, {', '.join(parameters)}):",
+        "    qd.loop_config(serialize=serial)",
+        "    for c in range(n):",
+        "        counts[c] = 0",
+        "    qd.loop_config(serialize=serial)",
+        "    for i in range(count):",
+        *index,
+        f"        cell[i] = {flat}",
+        f"        counts[{flat}] += 1",
+    ]
+    return kernels.compiled(
+        "cells",
+        "\n".join(lines) + "\n",
+        Vectors=Vectors,
+        Rows=Rows,
+        real=real,
+        serial=kernels.runtime().serial,
+    )
+
+
+@kernels.cached
+def _scan_kernel() -> Any:
+    _, Rows, _, _ = _types(2)
+    serial, qd, blocks = kernels.runtime().serial, kernels.qd, _SCAN_BLOCKS
+
+    @kernels.kernel
+    def scan(counts: Rows, start: Rows, sums: Rows, n: kernels.i32):
+        """Exclusive sums of counts; counts end up equal to the starts, to serve as cursors."""
+        qd.loop_config(serialize=serial)
+        for b in range(blocks):
+            size = (n + blocks - 1) // blocks
+            total = 0
+            for c in range(qd.min(b * size, n), qd.min((b + 1) * size, n)):
+                total += counts[c]
+            sums[b] = total
+        qd.loop_config(serialize=True)
+        for _ in range(1):
+            total = 0
+            for b in range(blocks):
+                own = sums[b]
+                sums[b] = total
+                total += own
+        qd.loop_config(serialize=serial)
+        for b in range(blocks):
+            size = (n + blocks - 1) // blocks
+            total = sums[b]
+            for c in range(qd.min(b * size, n), qd.min((b + 1) * size, n)):
+                own = counts[c]
+                start[c] = total
+                counts[c] = total
+                total += own
+
+    return scan
+
+
+@kernels.cached
+def _scatter_kernel() -> Any:
+    _, Rows, _, _ = _types(2)
+    serial, qd = kernels.runtime().serial, kernels.qd
+
+    @kernels.kernel
+    def scatter(
+        cell: Rows, start: Rows, cursor: Rows, order: Rows, ids: Rows, count: kernels.i32, cells: kernels.i32
+    ):
+        qd.loop_config(serialize=serial)
+        for i in range(count):
+            slot = qd.atomic_add(cursor[cell[i]], 1)
+            order[slot] = i
+        # Within a cell by id: the order must not depend on which thread came first.
+        qd.loop_config(serialize=serial)
+        for c in range(cells):
+            for s in range(start[c] + 1, start[c + 1]):
+                row = order[s]
+                key = ids[row]
+                t = s - 1
+                while t >= start[c] and ids[order[qd.max(t, 0)]] > key:
+                    order[t + 1] = order[t]
+                    t -= 1
+                order[t + 1] = row
+
+    return scatter
+
+
+@kernels.cached
+def _list_kernel(d: int, periodic: tuple[bool, ...]) -> Any:
+    """Generate the walk over cell rows; a cell row is a contiguous range of table rows."""
+    Vectors, Rows, Starts, real = _types(d)
+    axes = range(d)
+    parameters = [f"origin{k}: real" for k in axes] + [f"size{k}: real" for k in axes]
+    parameters += [f"shape{k}: qd.i32" for k in axes] + [f"period{k}: real" for k in axes]
+    m = _CELLS_PER_REACH
+    body: list[str] = []
+    indent = "            "
+    for k in axes:
+        body.append(
+            f"{indent}c{k} = qd.min(qd.max(qd.cast(qd.floor((x[{k}] - origin{k}) / size{k}), qd.i32), 0), shape{k} - 1)"
+        )
+    loops = indent
+    for k in reversed(range(1, d)):
+        if periodic[k]:
+            body.append(f"{loops}for o{k} in range(-{m}, {m} + 1):")
+            body.append(f"{loops}    n{k} = (c{k} + o{k} + shape{k}) % shape{k}")
+        else:
+            body.append(f"{loops}for n{k} in range(qd.max(c{k} - {m}, 0), qd.min(c{k} + {m} + 1, shape{k})):")
+        loops += "    "
+    base = "shape0 * n1" if d == 2 else "shape0 * (n1 + shape1 * n2)"
+    body.append(f"{loops}base = {base}")
+    body.append(f"{loops}segments = 1")
+    if periodic[0]:
+        body.append(f"{loops}if c0 < {m} or c0 >= shape0 - {m}:")
+        body.append(f"{loops}    segments = 2")
+    body += [
+        f"{loops}for segment in range(segments):",
+        f"{loops}    low = cell_start[base + qd.max(c0 - {m}, 0)]",
+        f"{loops}    high = cell_start[base + qd.min(c0 + {m} + 1, shape0)]",
+    ]
+    if periodic[0]:
+        body += [
+            f"{loops}    if segment == 1:",
+            f"{loops}        low = cell_start[base + qd.select(c0 < {m}, shape0 + c0 - {m}, 0)]",
+            f"{loops}        high = cell_start[base + qd.select(c0 < {m}, shape0, c0 + {m} + 1 - shape0)]",
+        ]
+    body += [
+        f"{loops}    for j in range(low, high):",
+        f"{loops}        r = position[j] - x",
+        *[
+            f"{loops}        r[{k}] -= period{k} * qd.round(r[{k}] / period{k})"
+            for k, joined in enumerate(periodic)
+            if joined
+        ],
+        # Written without a branch: one candidate in six is near, which no branch predictor can guess.
+        f"{loops}        neighbour[first + qd.min(used, slots - 1)] = j",
+        f"{loops}        used += qd.cast(r.dot(r) < reach * reach, qd.i32) & qd.cast(j != i, qd.i32)",
+    ]
+    lines = [
+        "def fill(position: Vectors, kind: Rows, cell_start: Rows, start: Starts, length: Rows, neighbour: Rows,",
+        "         flag: Rows, count: qd.i32, rows_per_block: qd.i32, slots: qd.i32, reach: real,",
+        f"         {', '.join(parameters)}):",
+        "    qd.loop_config(serialize=serial)",
+        "    for block in range((count + rows_per_block - 1) // rows_per_block):",
+        "        first = qd.cast(block, qd.i64) * slots",
+        "        used = 0",
+        "        for i in range(block * rows_per_block, qd.min((block + 1) * rows_per_block, count)):",
+        "            before = used",
+        "            start[i] = first + used",
+        "            length[i] = 0",
+        f"            if kind[i] & {LISTED} != 0:",
+        "                x = position[i]",
+        *["    " + line for line in body],
+        # A wall row that sees no fluid takes part in nothing: its list is dropped.
+        f"                if kind[i] & {FLUID} == 0:",
+        "                    wet = 0",
+        "                    for k in range(qd.min(before, slots - 1), qd.min(used, slots - 1)):",
+        f"                        wet |= kind[neighbour[first + k]] & {FLUID}",
+        "                    if wet == 0:",
+        "                        used = before",
+        "                length[i] = qd.min(used, slots) - qd.min(before, slots)",
+        "        if used > slots:",
+        "            qd.atomic_max(flag[0], used)",
+    ]
+    return kernels.compiled(
+        "fill", "\n".join(lines) + "\n", Vectors=Vectors, Rows=Rows, Starts=Starts, real=real,
+        serial=kernels.runtime().serial,
+    )  # fmt: skip

@@ -1,0 +1,1 @@
+"""Algorithms of a time step, one file each."""

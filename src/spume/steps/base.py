@@ -1,0 +1,230 @@
+"""The family of steps, and the row formulas that steps share."""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from spume import kernels
+from spume.domain import Domain
+from spume.named import Scheme
+from spume.pairs import row_map, row_term
+from spume.particles import ANY, FLUID, WALL, Field, Particles
+from spume.pressure.base import Solver
+from spume.pressure.components import COMPONENT
+from spume.pressure.conjugate_gradient import ConjugateGradient
+from spume.pressure.matrix import SYSTEM_FIELDS, UNKNOWN
+from spume.schemes.collision.base import Collision
+from spume.schemes.collision.inelastic import Inelastic
+from spume.schemes.divergence.base import Divergence
+from spume.schemes.divergence.original import Original as OriginalDivergence
+from spume.schemes.free_surface.base import FreeSurface
+from spume.schemes.free_surface.number_density import LowNumberDensity
+from spume.schemes.gradient.base import Gradient
+from spume.schemes.gradient.corrected import Corrected
+from spume.schemes.laplacian.base import Laplacian
+from spume.schemes.laplacian.original import Original as OriginalLaplacian
+from spume.schemes.number_density.base import NumberDensity
+from spume.schemes.number_density.base import Original as OriginalNumberDensity
+from spume.schemes.operator import Operator
+from spume.schemes.shifting.base import Shifting
+from spume.schemes.source.base import Source
+from spume.schemes.viscosity.base import Viscosity
+from spume.schemes.viscosity.explicit import Explicit
+from spume.wall_models.base import WallModel
+from spume.wall_models.neumann import Neumann
+
+
+@row_term(reads=("position",))
+def central_acceleration(a, gx, gy, gz, fx, fy, fz, stiffness):  # type: ignore[no-untyped-def]
+    g = kernels.qd.Vector([gx, gy, gz])
+    f = kernels.qd.Vector([fx, fy, fz])
+    result = a.position * (-stiffness)
+    for k in kernels.static(range(result.n)):
+        result[k] += g[k] + stiffness * f[k]
+    return result
+
+
+@row_term(reads=("velocity", "acceleration"))
+def accelerated(a, dt):  # type: ignore[no-untyped-def]
+    return a.velocity + dt * a.acceleration
+
+
+@row_term(reads=("velocity", "pressure_gradient", "density", "fluid_neighbours"))
+def corrected(a, dt):  # type: ignore[no-untyped-def]
+    # A row without a fluid neighbour flies ballistically.
+    share = kernels.qd.select(a.fluid_neighbours > 0, dt / a.density, 0.0)
+    return a.velocity - share * a.pressure_gradient
+
+
+@row_term(reads=("position", "velocity", "velocity_before"))
+def moved_by_change(a, dt):  # type: ignore[no-untyped-def]
+    return a.position + dt * (a.velocity - a.velocity_before)
+
+
+@row_term(reads=("velocity",))
+def copied_velocity(a):  # type: ignore[no-untyped-def]
+    return a.velocity
+
+
+@row_term(reads=("position", "velocity"))
+def moved(a, dt):  # type: ignore[no-untyped-def]
+    return a.position + dt * a.velocity
+
+
+@row_term(reads=("pressure", "row_state", "surface_value"))
+def known_or_guess(a):  # type: ignore[no-untyped-def]
+    return kernels.qd.select(a.row_state == UNKNOWN, a.pressure, a.surface_value)
+
+
+@row_term(reads=("number_density",))
+def surface_value(a, n0, full):  # type: ignore[no-untyped-def]
+    # A flat surface has n/n0 of about 0.7. Spray and sheets hold no hydrostatic pressure at their centres.
+    return full * min(max((a.number_density / n0 - 0.45) / 0.2, 0.0), 1.0)
+
+
+@row_term(reads=("surface_share", "density"))
+def surface_weight(a, scale):  # type: ignore[no-untyped-def]
+    return scale / a.density * a.surface_share / (1.02 - a.surface_share)
+
+
+@row_term(reads=("pressure",))
+def not_negative(a):  # type: ignore[no-untyped-def]
+    return max(a.pressure, 0.0)
+
+
+@row_term(reads=("pressure",))
+def is_negative(a):  # type: ignore[no-untyped-def]
+    return kernels.qd.cast(a.pressure < 0.0, kernels.i32)
+
+
+class Step(Scheme, family="step"):
+    """One time step of the whole domain: the slots that every projection step has.
+
+    A concrete step sets their defaults; its text is the order in which they act.
+    """
+
+    number_density: NumberDensity = OriginalNumberDensity()
+    """Particle number density n."""
+    free_surface: FreeSurface = LowNumberDensity()
+    """Detection of the free surface."""
+    viscosity: Viscosity = Explicit()
+    """Viscosity."""
+    divergence: Divergence = OriginalDivergence()
+    """Divergence of the predicted velocity."""
+    source: Source
+    """Right side of the pressure Poisson equation."""
+    laplacian: Laplacian = OriginalLaplacian()
+    """Laplacian of the pressure matrix."""
+    solver: Solver = ConjugateGradient()
+    """Linear solver."""
+    gradient: Gradient = Corrected()
+    """Gradient of the pressure."""
+    surface_pressure: Literal["half-cell", "zero"] = "half-cell"
+    """Pressure at the centres of surface rows: rho |g| l0/2, as the surface lies l0/2 outside them, or 0."""
+    negative_pressure: bool = True
+    """Keep negative pressures; false clips them to zero, as the original method does."""
+    wall_model: WallModel = Neumann()
+    """What solid rows contribute."""
+    collision: Collision = Inelastic()
+    """Treatment of particles that come too close."""
+    shifting: Shifting
+    """Particle shifting."""
+
+    fields: ClassVar[tuple[Field, ...]] = (*SYSTEM_FIELDS, COMPONENT)
+
+    def __call__(self, domain: Domain, t: float, dt: float) -> dict[str, float]:
+        """Advance the domain from t to t + dt; return figures of the step (iterations, residual, limiters)."""
+        raise NotImplementedError
+
+    def needed_fields(self) -> tuple[Field, ...]:
+        """Return every field that the step and the schemes in its slots need."""
+        found = list(self.fields)
+        for scheme in nested(self):
+            found.extend(getattr(scheme, "needs", ()))
+        return tuple(dict.fromkeys(found))
+
+    def largest_radius(self) -> float:
+        """Return the largest effective radius of any operator, as a multiple of l0."""
+        return max(scheme.re for scheme in nested(self) if isinstance(scheme, Operator))
+
+
+def nested(scheme: Scheme) -> Iterator[Scheme]:
+    """Yield a scheme and every scheme among its parameters, recursively."""
+    yield scheme
+    for name in type(scheme).model_fields:
+        value = getattr(scheme, name)
+        if isinstance(value, Scheme):
+            yield from nested(value)
+
+
+stage_times: dict[str, float] = {}
+"""Wall time [s] spent in each stage since the program started; the run loop takes differences."""
+
+
+@contextmanager
+def stage(name: str) -> Iterator[None]:
+    """Add the wall time of a block to a stage."""
+    begin = time.perf_counter()
+    yield
+    stage_times[name] = stage_times.get(name, 0.0) + time.perf_counter() - begin
+
+
+def accelerate(domain: Domain, t: float) -> None:
+    """Set ``acceleration`` of every row to gravity at the time t."""
+    g = [*domain.gravity.at(t), 0.0][:3]
+    f = [*domain.gravity.focus, 0.0][:3]
+    row_map(
+        central_acceleration, domain.particles, out="acceleration", rows=ANY,
+        arguments=(*g, *f, domain.gravity.stiffness),
+    )  # fmt: skip
+
+
+def surface_pressure(step: Step, domain: Domain, t: float) -> float:
+    """Return the pressure [Pa] at the centres of rows of a flat free surface, whose plane lies l0/2 outside them."""
+    if step.surface_pressure == "zero":
+        return 0.0
+    g = float(np.linalg.norm(domain.gravity.at(t)))
+    return 0.5 * domain.density * g * domain.lattice.spacing
+
+
+def solve_pressure(step: Step, domain: Domain, surface_pressure: float) -> dict[str, float]:
+    """Assemble and solve the pressure Poisson equation; return iterations and residual.
+
+    Raises:
+        NotConverged: see ``Solver``.
+    """
+    particles, system = domain.particles, domain.system
+    with stage("assembly"):
+        step.wall_model.states(particles)
+        row_map(
+            surface_value, particles, out="surface_value", rows=FLUID,
+            arguments=(step.number_density.n0(domain.lattice), surface_pressure),
+        )  # fmt: skip
+        row_map(known_or_guess, particles, out="pressure", rows=ANY)
+        row_map(
+            surface_weight, particles, out="surface_diagonal", rows=FLUID | WALL,
+            arguments=(2.0 * domain.lattice.dimension / step.laplacian.lambda_(domain.lattice),),
+        )  # fmt: skip
+        system.assemble(step.laplacian, domain.lattice, particles, domain.pairs)
+        floating = domain.components.project(system, particles)
+    with stage("solve"):
+        solution = step.solver(system, particles)
+        domain.components.centre(floating, particles)
+    figures: dict[str, float] = {
+        "iterations": solution.iterations,
+        "residual": solution.residual,
+        "clipped": 0,
+    }
+    if not step.negative_pressure:
+        figures["clipped"] = _clip(particles)
+    return figures
+
+
+def _clip(particles: Particles) -> float:
+    row_map(is_negative, particles, out="component", rows=FLUID)
+    clipped = particles.total("component", FLUID)
+    row_map(not_negative, particles, out="pressure", rows=ANY)
+    return clipped

@@ -1,0 +1,97 @@
+"""Projection at the positions where the step starts: waves, sloshing, and the default."""
+
+from typing import ClassVar
+
+from spume.domain import Domain
+from spume.pairs import row_map
+from spume.particles import FLUID
+from spume.schemes.divergence.base import Divergence
+from spume.schemes.divergence.blended import Blended as BlendedDivergence
+from spume.schemes.free_surface.base import FreeSurface
+from spume.schemes.free_surface.blended import Blended as BlendedSurface
+from spume.schemes.gradient.base import Gradient
+from spume.schemes.gradient.completed import Completed
+from spume.schemes.laplacian.base import Laplacian
+from spume.schemes.laplacian.distance import CompensatedDistance
+from spume.schemes.shifting.base import Shifting
+from spume.schemes.shifting.fickian import Fickian
+from spume.schemes.source.base import Source
+from spume.schemes.source.divergence_density import DivergenceDensity
+from spume.steps.base import (
+    Step,
+    accelerate,
+    accelerated,
+    corrected,
+    moved,
+    solve_pressure,
+    stage,
+    surface_pressure,
+)
+
+
+class ProjectInPlace(Step, name="project-in-place"):
+    """Forces, projection at r^k, then r += dt u^(k+1).
+
+    All sums are taken at the positions of the start. For an oscillation this is the symplectic Euler
+    scheme: its amplitude neither decays nor grows, where r += dt (u^k + u^(k+1))/2 with the same pressure
+    would gain pi^2 dt/T a period and a pressure at moved positions would lose 2 pi^2 dt/T.
+    """
+
+    ids: ClassVar = ("A1",)
+    reference: ClassVar = "cummins1999"
+
+    free_surface: FreeSurface = BlendedSurface()
+    """Detection of the free surface."""
+    divergence: Divergence = BlendedDivergence()
+    """Divergence of the predicted velocity."""
+    laplacian: Laplacian = CompensatedDistance()
+    """Laplacian of the pressure matrix."""
+    gradient: Gradient = Completed()
+    """Gradient of the pressure."""
+    source: Source = DivergenceDensity()
+    """Right side of the pressure Poisson equation; one that is evaluated at the start of the step."""
+    shifting: Shifting = Fickian()
+    """Particle shifting."""
+
+    def __call__(self, domain: Domain, t: float, dt: float) -> dict[str, float]:
+        """Advance the domain from t to t + dt: forces, project, move."""
+        lattice, particles, pairs, bodies = domain.lattice, domain.particles, domain.pairs, domain.bodies
+        for body in bodies:
+            body.prescribe(particles, t, dt)
+
+        with stage("search"):
+            removed = pairs.update(particles)
+        with stage("forces"):
+            self.number_density(lattice, particles, pairs)
+            self.wall_model.count_fluid(lattice, particles, pairs)
+            self.free_surface(lattice, particles, pairs, self.number_density)
+            accelerate(domain, t)
+            self.wall_model.show_slip(lattice, particles, pairs)
+            self.viscosity(lattice, particles, pairs, dt)
+            for body in bodies:
+                body.force(particles, pairs, dt)
+            row_map(accelerated, particles, out="velocity", rows=self.wall_model.predicted, arguments=(dt,))
+
+        outside = surface_pressure(self, domain, t)
+        with stage("source"):
+            self.wall_model.neumann(particles, dt)
+            self.source(
+                lattice, particles, pairs, dt, self.divergence, self.number_density, self.wall_model.mirror
+            )
+        figures = solve_pressure(self, domain, outside)
+        with stage("correction"):
+            self.wall_model.extrapolate(lattice, particles, pairs)
+            self.gradient(
+                lattice, particles, pairs, over=self.wall_model.carriers, view=self.wall_model.view(dt)
+            )
+            row_map(corrected, particles, out="velocity", rows=FLUID, arguments=(dt,))
+            self.wall_model.rest(particles)
+            row_map(moved, particles, out="position", rows=FLUID, arguments=(dt,))
+
+        with stage("tidying"):
+            self.collision(lattice, particles, pairs, dt)
+            speed = particles.largest_norm("velocity", FLUID)
+            self.shifting(lattice, particles, pairs, self.number_density, speed, dt)
+        for body in bodies:
+            body.respond(particles, t, dt)
+        return {**figures, "removed": removed}

@@ -1,0 +1,1 @@
+"""How solid rows supply what the fluid misses at a wall."""

@@ -1,0 +1,148 @@
+"""Shapes: distances, nearest points, measures, snapping to the lattice."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from spume.geometry import Box, Cylinder, Grid, Polygon, Sphere, Tank, fill
+from spume.geometry.grid import TooManyCellsError
+
+SHAPES = [
+    Box(lower=(-0.4, -0.2), upper=(0.5, 0.3)),
+    Box(lower=(-0.4, -0.2, -0.1), upper=(0.5, 0.3, 0.45)),
+    Sphere(centre=(0.1, -0.05), radius=0.4),
+    Sphere(centre=(0.1, -0.05, 0.0), radius=0.4),
+    Cylinder(start=(-0.3, -0.2, -0.1), end=(0.3, 0.3, 0.4), radius=0.3),
+    Cylinder(start=(0.0, 0.0, -0.4), end=(0.0, 0.0, 0.4), radius=0.3),
+    Polygon(vertices=((-0.4, -0.4), (0.5, -0.4), (0.5, 0.1), (0.0, 0.0), (-0.4, 0.5))),
+    Tank(lower=(-0.4, -0.2), upper=(0.5, 0.3)),
+]
+
+
+def points(shape, number=4000):
+    d = len(shape.bounds()[0])
+    return np.random.default_rng(1).uniform(-0.8, 0.8, (number, d))
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=lambda s: s.key)
+class TestEveryShape:
+    def test_distance_is_that_of_the_nearest_point(self, shape):
+        x = points(shape)
+        gap = np.linalg.norm(shape.nearest(x) - x, axis=1)
+        assert np.abs(shape.distance(x)) == pytest.approx(gap, abs=1e-12)
+        assert np.array_equal(shape.distance(x) < 0, shape.inside(x))
+
+    def test_nearest_point_is_on_the_surface(self, shape):
+        on = shape.nearest(points(shape))
+        assert shape.distance(on) == pytest.approx(0.0, abs=1e-9)
+
+    def test_no_surface_point_is_nearer(self, shape):
+        x = points(shape, 200)
+        surface = shape.nearest(points(shape, 20_000))
+        best = np.linalg.norm(x[:, None] - surface[None], axis=2).min(axis=1)
+        assert np.all(np.abs(shape.distance(x)) <= best + 1e-12)
+
+    def test_distance_has_slope_one_at_most(self, shape):
+        x = points(shape)
+        y = np.roll(x, 1, axis=0)
+        change = np.abs(shape.distance(x) - shape.distance(y))
+        assert np.all(change <= np.linalg.norm(x - y, axis=1) + 1e-12)
+
+    def test_measure_is_the_share_of_random_points(self, shape):
+        x = points(shape, 40_000)
+        expected = shape.measure() / 1.6 ** x.shape[1]
+        assert shape.inside(x).mean() == pytest.approx(expected, abs=4 * math.sqrt(0.25 / len(x)))
+
+    def test_bounds_hold_the_inside_tightly(self, shape):
+        x = points(shape, 40_000)
+        x = x[shape.inside(x)]
+        lower, upper = shape.bounds()
+        assert np.all(x >= lower)
+        assert np.all(x <= upper)
+        assert x.min(axis=0) == pytest.approx(lower, abs=0.12)
+        assert x.max(axis=0) == pytest.approx(upper, abs=0.12)
+
+
+def test_open_faces_are_no_surface():
+    tank = Tank(lower=(0, 0), upper=(1, 1), open=("top", "left"))
+    x = np.array([[0.01, 0.5], [0.5, 0.49], [0.9, 0.95]])
+    assert tank.nearest(x).tolist() == [[0.01, 0.0], [0.5, 0.0], [1.0, 0.95]]
+    beyond = np.array([[-0.1, 0.5], [0.5, 1.1], [1.1, 0.5], [0.5, -0.1], [1.1, 1.1]])
+    assert tank.solid_side(beyond).tolist() == [False, False, True, True, False]
+
+
+def test_faces_of_a_3d_tank():
+    tank = Tank(lower=(0, 0, 0), upper=(1, 1, 1), open=("front", "top"))
+    assert tank.open_faces().tolist() == [[False, True, False], [False, False, True]]
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Box(lower=(0, 0), upper=(1, 0)), "less than upper"),
+        (lambda: Box(lower=(0, 0), upper=(1, 1, 1)), "as many numbers"),
+        (lambda: Sphere(centre=(0, 0), radius=0), "greater than 0"),
+        (lambda: Sphere(centre=(0, math.nan), radius=1), "finite"),
+        (lambda: Cylinder(start=(0, 0, 0), end=(0, 0, 0), radius=1), "must differ"),
+        (lambda: Cylinder(start=(0, 0), end=(0, 1), radius=1), "three numbers"),
+        (lambda: Polygon(vertices=((0, 0), (1, 0))), "at least 3"),
+        (lambda: Polygon(vertices=((0, 0), (1, 1), (1, 0), (0, 1))), "meet"),
+        (lambda: Polygon(vertices=((0, 0), (1, 0), (1, 0), (0, 1))), "the same"),
+        (lambda: Polygon(vertices=((0, 0), (2, 0), (2, 1), (1, 0), (0, 1))), "meet"),
+        (lambda: Tank(lower=(0, 0), upper=(1, 1), open=("left", "right", "bottom", "top")), "no walls"),
+        (lambda: Tank(lower=(0, 0), upper=(1, 1), open=("front",)), "3D only"),
+    ],
+)
+def test_impossible_shapes_are_refused(make, words):
+    with pytest.raises(ValidationError, match=words):
+        make()
+
+
+@given(
+    nx=st.integers(1, 40),
+    ny=st.integers(1, 40),
+    l0=st.floats(1e-4, 10.0),
+    x0=st.floats(-50.0, 50.0),
+    y0=st.floats(-50.0, 50.0),
+)
+def test_box_of_whole_cells_is_filled_exactly(nx, ny, l0, x0, y0):
+    grid = Grid((x0, y0), l0)
+    box, said = Box(lower=(x0, y0), upper=(x0 + nx * l0, y0 + ny * l0)).snapped(grid)
+    x = fill(box, grid)
+    assert said == []
+    assert len(x) == nx * ny
+    assert x.min(axis=0) == pytest.approx([x0 + l0 / 2, y0 + l0 / 2])
+    assert x.max(axis=0) == pytest.approx([x0 + (nx - 0.5) * l0, y0 + (ny - 0.5) * l0])
+
+
+def test_disk_is_filled_symmetrically_and_fully():
+    disk = Sphere(centre=(0.3, 0.2), radius=0.5)
+    x = fill(disk, Grid((-0.2, -0.3), 0.01)) - [0.3, 0.2]
+    assert len(x) * 1e-4 == pytest.approx(disk.measure(), rel=2e-3)
+    for mirror in ((-1, 1), (1, -1)):
+        assert {tuple(p) for p in np.round(x * mirror, 9)} == {tuple(p) for p in np.round(x, 9)}
+
+
+def test_snapping_says_what_it_moved():
+    grid = Grid((0.0, 0.0), 0.02)
+    box, said = Box(lower=(0.0, 0.0), upper=(1.61, 0.6)).snapped(grid)
+    assert box.upper == pytest.approx((1.62, 0.6))  # half-way goes up
+    assert said == ["upper x = 1.61 m is no multiple of the spacing: moved to 1.62 m"]
+    with pytest.raises(ValueError, match="half a spacing"):
+        Box(lower=(0.0, 0.0), upper=(0.009, 1.0)).snapped(grid)
+
+
+def test_snapping_moves_only_level_edges_of_a_polygon():
+    beach = Polygon(vertices=((0.0, 0.0), (1.013, 0.0), (1.013, 0.307), (0.333, 0.1)))
+    snapped, said = beach.snapped(Grid((0.0, 0.0), 0.02))
+    assert snapped.vertices == ((0.0, 0.0), (1.02, 0.0), (1.02, 0.307), (0.333, 0.1))
+    assert len(said) == 2
+
+
+def test_too_many_cells_are_refused_before_memory_is_asked_for():
+    with pytest.raises(TooManyCellsError, match="1e-09 m"):
+        fill(Box(lower=(0, 0), upper=(1, 1)), Grid((0.0, 0.0), 1e-9))

@@ -1,0 +1,265 @@
+"""From a case to rows: counts, checks across shapes, several bodies, periods."""
+
+import numpy as np
+import pytest
+
+from spume.build import check_gauges, grid_of, initial_rows, predict
+from spume.case import Case, CaseError, Domain, Fluid, Time, built_in_cases, load
+from spume.geometry import Box, Polygon, Sphere, Tank
+from spume.bodies import Wall
+from spume.particles import DUMMY, FLUID, WALL
+
+L0 = 0.1
+
+
+def case(fluid=None, body=None, **more):
+    fluid = fluid or [Fluid(name="water", shape=Box(lower=(0, 0), upper=(0.6, 0.3)))]
+    body = [tank()] if body is None else body
+    return Case(spacing=L0, time=Time(end=1.0), fluid=fluid, body=body, **more)
+
+
+def tank(**more):
+    return Wall(name="tank", shape=Tank(lower=(0, 0), upper=(1.6, 0.6), open=("top",)), **more)
+
+
+def complaint(a_case, function=initial_rows):
+    with pytest.raises(CaseError) as caught:
+        function(a_case)
+    return str(caught.value)
+
+
+def cells(rows, mask):
+    return {tuple(c) for c in np.round(rows["position"][mask] / L0 - 0.5).astype(int)}
+
+
+def test_rows_of_a_tank():
+    rows = initial_rows(case())
+    fluid = rows["kind"] == FLUID
+    assert fluid.sum() == 18
+    assert rows["position"][fluid].min() == pytest.approx(0.05)
+    assert (rows["kind"] == WALL).sum() == 16 + 2 + 2 * 6
+    assert np.array_equal(rows["id"], np.arange(len(rows["id"])))
+    assert np.array_equal(rows["master"][fluid], rows["id"][fluid])
+    assert np.all(rows["kind"][rows["master"][~fluid]] == WALL)
+    assert np.all(rows["body"] == np.where(fluid, -1, 0))
+    assert np.all(rows["density"] == 1000.0)
+    assert not rows["to_surface"][fluid].any()
+    assert rows["position"].dtype == float
+    assert rows["kind"].dtype == np.int32
+
+
+@pytest.mark.parametrize("name", built_in_cases())
+def test_every_built_in_case_can_be_set_up(name):
+    a_case = load(name)
+    rows = initial_rows(a_case)
+    check_gauges(a_case, rows)
+    position = rows["position"]
+    fluid = rows["kind"] == FLUID
+    measure = sum(f.shape.measure() for f in a_case.fluid)
+    assert fluid.sum() * a_case.spacing**a_case.dimension == pytest.approx(measure, rel=1e-9)
+    cell = np.round(position / a_case.spacing - 0.5, 6)
+    if not any(f.disturbance for f in a_case.fluid) and name != "standing-wave":
+        assert len(np.unique(cell, axis=0)) == len(cell)
+    assert np.all(np.isin(rows["kind"][rows["master"][~fluid]], (WALL,)))
+
+
+def test_disturbance_is_seeded_and_bounded():
+    def rows(seed):
+        water = Fluid(name="water", shape=Box(lower=(0, 0), upper=(0.6, 0.3)), disturbance=0.1, seed=seed)
+        return initial_rows(case([water]))["position"]
+
+    plain = initial_rows(case())["position"]
+    assert np.array_equal(rows(1), rows(1))
+    assert not np.array_equal(rows(1), rows(2))
+    moved = np.abs(rows(1) - plain)
+    assert moved.max() <= 0.1 * L0
+    assert moved[:18].max() > 0.08 * L0
+    assert moved[18:].max() == 0.0  # walls stay
+
+
+def test_rows_are_the_same_wherever_the_case_is():
+    shift = np.array([12.34, -5.67])
+    there = case(
+        [Fluid(name="water", shape=Box(lower=tuple(shift), upper=tuple(shift + [0.6, 0.3])))],
+        [Wall(name="tank", shape=Tank(lower=tuple(shift), upper=tuple(shift + [1.6, 0.6]), open=("top",)))],
+    )
+    here, there = initial_rows(case()), initial_rows(there)
+    assert there["position"] - shift == pytest.approx(here["position"], abs=1e-12)
+    assert there["to_surface"] == pytest.approx(here["to_surface"], abs=1e-12)
+    for name in ("kind", "master", "body"):
+        assert np.array_equal(here[name], there[name])
+
+
+def test_initial_fields_are_added_and_reach_wet_walls():
+    water = Fluid(
+        name="water",
+        shape=Box(lower=(0, 0), upper=(0.6, 0.3)),
+        initial=["hydrostatic", {"kind": "uniform", "value": [1, 0]}],
+    )
+    rows = initial_rows(case([water]))
+    fluid = rows["kind"] == FLUID
+    assert np.all(rows["velocity"][fluid] == [1.0, 0.0])
+    assert not rows["velocity"][~fluid].any()
+    expected = 9810.0 * (0.3 - rows["position"][fluid][:, 1])
+    assert rows["pressure"][fluid] == pytest.approx(expected)
+    floor = (np.abs(rows["position"] - [0.25, -0.05]) < 1e-9).all(axis=1)
+    assert rows["pressure"][floor] == pytest.approx([9810.0 * 0.35])
+    far = (np.abs(rows["position"] - [1.25, -0.05]) < 1e-9).all(axis=1)
+    assert rows["pressure"][far].tolist() == [0.0]
+
+
+def test_fluid_inside_a_wall_names_both():
+    wide = Fluid(name="water", shape=Box(lower=(0, 0), upper=(1.8, 0.3)))
+    text = complaint(case([wide]))
+    assert "6 of the 54 particles of fluid 'water' lie in body 'tank', the first at (1.65, 0.05) m" in text
+    rock = Wall(name="rock", shape=Sphere(centre=(0.3, 0.2), radius=0.15))
+    assert "body 'rock'" in complaint(case(body=[tank(), rock]))
+
+
+def test_fluid_deep_inside_a_block_is_found():
+    block = Wall(name="block", shape=Box(lower=(-1, -1), upper=(1, 1)), layers=3)
+    drop = Fluid(name="drop", shape=Box(lower=(-0.1, -0.1), upper=(0.1, 0.1)))
+    assert "body 'block'" in complaint(case([drop], [block]))
+
+
+def test_fluid_beside_a_tank_is_no_mistake():
+    """Fluid of another tank far away is behind this tank's walls, but not in them."""
+    other = Wall(name="other", shape=Tank(lower=(3, 0), upper=(4, 1), open=("top",)))
+    fluids = [
+        Fluid(name="a", shape=Box(lower=(0, 0), upper=(0.6, 0.3))),
+        Fluid(name="b", shape=Box(lower=(3, 0), upper=(4, 0.5))),
+    ]
+    rows = initial_rows(case(fluids, [tank(), other]))
+    assert set(rows["material"][rows["body"] == 1]) == {1}
+
+
+def test_overlapping_fluids_are_refused():
+    oil = Fluid(name="oil", shape=Box(lower=(0.5, 0), upper=(1.0, 0.3)))
+    text = complaint(case([*case().fluid, oil]))
+    assert "3 of the 15 particles of fluid 'oil' lie in fluid 'water', the first at (0.55, 0.05) m" in text
+
+
+def test_a_shape_too_small_for_the_spacing_is_refused():
+    assert "half a spacing" in complaint(case([Fluid(name="a", shape=Box(lower=(0, 0), upper=(0.01, 1)))]))
+    speck = Fluid(name="a", shape=Sphere(centre=(0.3, 0.3), radius=0.01))
+    assert "no particle fits" in complaint(case([speck]))
+
+
+def test_too_small_a_spacing_is_refused_before_memory_is_asked_for():
+    assert "GiB" in complaint(case().model_copy(update={"spacing": 1e-9}))
+    drop = [Fluid(name="drop", shape=Box(lower=(0.1, 0.1), upper=(0.1 + 1e-5, 0.1 + 1e-5)))]
+    assert "too small for body 'tank'" in complaint(case(drop).model_copy(update={"spacing": 1e-7}))
+
+
+def test_a_face_off_the_lattice_is_said(caplog):
+    odd = Wall(name="tank", shape=Tank(lower=(0, 0), upper=(1.64, 0.6), open=("top",)))
+    with caplog.at_level("WARNING", logger="spume"):
+        initial_rows(case(body=[odd]))
+    assert "upper x = 1.64 m is no multiple of the spacing: moved to 1.6 m" in caplog.text
+
+
+class TestSeveralBodies:
+    sill = Wall(name="sill", shape=Box(lower=(0.8, -0.3), upper=(1.1, 0.2)))
+
+    def test_one_row_a_cell(self):
+        rows = initial_rows(case(body=[tank(), self.sill]))
+        solid = rows["kind"] != FLUID
+        assert len(cells(rows, solid)) == solid.sum()
+
+    def test_the_floor_under_a_block_becomes_dummies(self):
+        rows = initial_rows(case(body=[tank(), self.sill]))
+        wall = cells(rows, rows["kind"] == WALL)
+        assert (7, -1) in wall
+        assert (9, -1) not in wall
+        assert {(8, 0), (8, 1), (9, 1), (10, 1), (10, 0)} <= wall
+        assert (9, 0) not in wall
+        assert np.all(rows["kind"][rows["master"][rows["kind"] == DUMMY]] == WALL)
+
+    def test_order_of_bodies_decides_between_equals(self):
+        for order, owner in (([tank(), self.sill], 0), ([self.sill, tank()], 1)):
+            rows = initial_rows(case(body=order))
+            cell = np.round(rows["position"] / L0 - 0.5).astype(int)
+            (row,) = np.flatnonzero((cell == [9, -3]).all(axis=1))
+            assert rows["body"][row] in (0, 1)
+            (row,) = np.flatnonzero((cell == [7, -1]).all(axis=1))
+            assert rows["body"][row] == owner
+
+
+class TestPeriodic:
+    def plates(self, width=0.5):
+        shape = Tank(lower=(0, 0), upper=(width, 1.0), open=("left", "right"))
+        return Case(
+            spacing=L0,
+            time=Time(end=1.0),
+            domain=Domain(periodic=["x"], lower=[0, -1], upper=[width, 2]),
+            fluid=[Fluid(name="water", shape=Box(lower=(0, 0), upper=(width, 1.0)), disturbance=0.3)],
+            body=[Wall(name="plates", shape=shape)],
+        )
+
+    def test_walls_end_with_the_period_and_fluid_is_wrapped(self):
+        rows = initial_rows(self.plates())
+        assert (rows["kind"] == FLUID).sum() == 50
+        assert (rows["kind"] == WALL).sum() == 10
+        assert (rows["kind"] == DUMMY).sum() == 20
+        assert rows["position"][:, 0].min() >= 0.0
+        assert rows["position"][:, 0].max() < 0.5
+
+    def test_walls_that_reach_beyond_a_period_are_cut(self):
+        a_case = self.plates()
+        long = Wall(name="floor", shape=Box(lower=(-2, -0.5), upper=(3, 0)))
+        rows = initial_rows(a_case.model_copy(update={"body": (long,)}))
+        solid = rows["kind"] != FLUID
+        assert solid.sum() == 5 * 5
+        assert rows["position"][solid][:, 0].min() > 0.0
+
+    def test_the_period_is_a_whole_number_of_spacings(self):
+        assert "5.5 spacings" in complaint(self.plates(0.55))
+
+    def test_the_lattice_starts_where_the_period_does(self):
+        a_case = self.plates()
+        moved = Domain(periodic=["x"], lower=[-0.03, -1], upper=[0.47, 2])
+        assert grid_of(a_case.model_copy(update={"domain": moved})).origin == (-0.03, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("gauge", "words"),
+    [
+        ({"kind": "pressure", "name": "p", "at": [3.0, 0.1]}, "must lie in the domain"),
+        ({"kind": "pressure", "name": "p", "at": [0.1, 0.1, 0.1]}, "2 numbers in 2D"),
+        ({"kind": "elevation", "name": "p", "at": [5.0]}, "must lie in the domain"),
+        ({"kind": "force", "name": "p", "body": "tnk"}, "tank"),
+    ],
+)
+def test_gauges_that_do_not_fit(gauge, words):
+    a_case = case(gauge=[gauge])
+    rows = initial_rows(a_case)
+    assert words in complaint(a_case, lambda c: check_gauges(c, rows))
+
+
+def test_references_that_do_not_fit():
+    gauge = {"kind": "elevation", "name": "level", "at": [0.5]}
+    for key, value, words in (
+        ("column", "x", "one of"),
+        ("value", "elevatio", "did you mean 'elevation'?"),
+    ):
+        reference = {"gauge": "level", "file": "dam-break/level-1.csv", key: value}
+        a_case = case(gauge=[gauge], reference=[reference])
+        rows = initial_rows(a_case)
+        assert words in complaint(a_case, lambda c: check_gauges(c, rows))  # noqa: B023
+
+
+def test_a_case_without_walls_and_any_shape():
+    shape = Polygon(vertices=((0, 0), (1, 0), (0.5, 1)))
+    rows = initial_rows(case([Fluid(name="drop", shape=shape)], []))
+    assert len(rows["kind"]) * L0**2 == pytest.approx(0.5, rel=0.1)
+
+
+def test_prediction_grows_with_the_case():
+    a_case = load("dam-break")
+    few = predict(a_case, initial_rows(a_case), 2)
+    finer = load("dam-break", ["spacing=0.0025"])
+    many = predict(finer, initial_rows(finer), 2)
+    assert many.fluid == 4 * few.fluid
+    assert many.steps == pytest.approx(2 * few.steps, rel=0.02)
+    assert many.seconds > 6 * (few.seconds - 10.0)
+    assert many.bytes > few.bytes

@@ -1,0 +1,41 @@
+"""The documentation says what the package is: systems that are done, names of fields."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+import spume.case  # noqa: F401 - defines every family of a case file
+from spume.named import schemes
+from spume.particles import BASE_FIELDS
+from spume.schemes import discover
+
+DOCS = Path(__file__).parents[1] / "docs"
+
+pytestmark = pytest.mark.skipif(not DOCS.exists(), reason="no docs folder beside the tests")
+
+
+def systems() -> dict[str, str]:
+    """Return the state of every system in the table, by its id."""
+    rows = re.findall(
+        r"^\| ([A-Z]\d+) \|.*\| ([^|]+) \|$", (DOCS / "systems.md").read_text("utf-8"), re.MULTILINE
+    )
+    assert len(rows) == len(dict(rows)), "an id stands twice"
+    return dict(rows)
+
+
+def test_every_scheme_has_its_system_marked():
+    discover()
+    states = systems()
+    claimed = {name for scheme in schemes() for name in scheme.ids}
+    assert claimed, "no scheme names a system"
+    unmarked = {
+        name for name in claimed if not re.match(r"\*\*done\*\*|in part", states.get(name, "missing"))
+    }
+    assert unmarked == set()
+    assert {name for name, state in states.items() if state == "**done**"} - claimed == set()
+
+
+def test_base_fields_are_in_the_notation():
+    text = (DOCS / "notation.md").read_text("utf-8")
+    assert [field.name for field in BASE_FIELDS if f"`{field.name}`" not in text] == []
