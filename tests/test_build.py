@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from spume.bodies import Wall
 from spume.build import check_gauges, grid_of, initial_rows, predict
 from spume.case import Case, CaseError, Domain, Fluid, Time, built_in_cases, load
 from spume.geometry import Box, Polygon, Sphere, Tank
-from spume.bodies import Wall
 from spume.particles import DUMMY, FLUID, WALL
 
 L0 = 0.1
@@ -80,8 +80,8 @@ def test_disturbance_is_seeded_and_bounded():
 def test_rows_are_the_same_wherever_the_case_is():
     shift = np.array([12.34, -5.67])
     there = case(
-        [Fluid(name="water", shape=Box(lower=tuple(shift), upper=tuple(shift + [0.6, 0.3])))],
-        [Wall(name="tank", shape=Tank(lower=tuple(shift), upper=tuple(shift + [1.6, 0.6]), open=("top",)))],
+        [Fluid(name="water", shape=Box(lower=shift, upper=shift + np.array([0.6, 0.3])))],
+        [Wall(name="tank", shape=Tank(lower=shift, upper=shift + np.array([1.6, 0.6]), open=("top",)))],
     )
     here, there = initial_rows(case()), initial_rows(there)
     assert there["position"] - shift == pytest.approx(here["position"], abs=1e-12)
@@ -147,8 +147,11 @@ def test_a_shape_too_small_for_the_spacing_is_refused():
 
 def test_too_small_a_spacing_is_refused_before_memory_is_asked_for():
     assert "GiB" in complaint(case().model_copy(update={"spacing": 1e-9}))
-    drop = [Fluid(name="drop", shape=Box(lower=(0.1, 0.1), upper=(0.1 + 1e-5, 0.1 + 1e-5)))]
-    assert "too small for body 'tank'" in complaint(case(drop).model_copy(update={"spacing": 1e-7}))
+    long = Wall(name="channel", shape=Tank(lower=(0, 0), upper=(1e7, 0.6), open=("top",)))
+    assert "GiB" in complaint(case(body=[long]))
+    needle = Polygon(vertices=((0, 0), (1000, 1000), (1000, 1000.1)))
+    thin = case([Fluid(name="thin", shape=needle)], []).model_copy(update={"spacing": 0.002})
+    assert "too small for fluid 'thin': it spans 2.5e+11 cells" in complaint(thin)
 
 
 def test_a_face_off_the_lattice_is_said(caplog):

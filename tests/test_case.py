@@ -57,9 +57,7 @@ def test_defaults_are_completed(file):
 
 
 def test_gravity_points_down_in_3d(file):
-    text = (
-        CASE.replace("0.0, 0.0]", "0.0, 0.0, 0.0]").replace("0.3]", "0.3, 0.3]").replace("0.6]", "0.3, 0.6]")
-    )
+    text = CASE.replace("0.0, 0.0]", "0.0, 0.0, 0.0]").replace("0.3]", "0.3, 0.3]").replace("0.6]", "0.3, 0.6]")
     file.write_text("dimension = 3\n" + text.replace("1.6, 0.01", "1.6, 0.1, 0.01"))
     assert load(file).domain.gravity.at(0.0).tolist() == [0.0, 0.0, -9.81]
 
@@ -125,7 +123,11 @@ def test_folders_and_byte_order_marks(file):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("spacing = 0.02", "spacin = 0.02", "tank.toml:2: spacin = 0.02: no such key; allowed: title, spacing"),
+        (
+            'spacing = 0.02',
+            'spacin = 0.02',
+            'tank.toml:2: spacin = 0.02: no such key; allowed: title, spacing',
+        ),
         ("spacing = 0.02", "spacing = -1", "tank.toml:2: spacing = -1: must be greater than 0"),
         ("spacing = 0.02", "spacing = 0", "tank.toml:2: spacing = 0: must be greater than 0"),
         ("spacing = 0.02", "spacing = nan", "tank.toml:2: spacing = nan: must be a finite number"),
@@ -137,27 +139,59 @@ def test_folders_and_byte_order_marks(file):
         ("end = 1.0", "end = 0", "tank.toml:5: time.end = 0: must be greater than 0"),
         ("end = 1.0", "", "tank.toml:4: time.end: this key is required"),
         ("end = 1.0", "end = 1.0\nend = 2.0", "tank.toml:6: not TOML: cannot overwrite a value"),
-        ('kind = "box"', 'kind = "bx"', "tank.toml:9: fluid.water.shape.kind = \"bx\": one of box, cylinder, polygon"),
+        (
+            'kind = "box"',
+            'kind = "bx"',
+            'tank.toml:9: fluid.water.shape.kind = "bx": one of box, cylinder, polygon',
+        ),
         ('kind = "box"', 'kin = "box"', "tank.toml:9: fluid.water.shape"),
-        ('kind = "wall"', 'kind = "wal"', "tank.toml:13: body.tank.kind = \"wal\": one of wall; did you mean 'wall'?"),
+        (
+            'kind = "wall"',
+            'kind = "wal"',
+            'tank.toml:13: body.tank.kind = "wal": one of wall; did you mean \'wall\'?',
+        ),
         ("upper = [0.6, 0.3]", "upper = [0.6, 0.3, 1]", "must have as many numbers"),
-        ("upper = [0.6, 0.3]", 'upper = [0.6, "x"]', 'tank.toml:9: fluid.water.shape.upper.1 = "x": must be a number'),
+        (
+            'upper = [0.6, 0.3]',
+            'upper = [0.6, "x"]',
+            'tank.toml:9: fluid.water.shape.upper.1 = "x": must be a number',
+        ),
         ("upper = [0.6, 0.3]", "upper = [0.6, 0.0]", "must be less than upper"),
-        ('open = ["top"]', 'open = ["topp"]', "tank.toml:14: body.tank.shape.open.0 = \"topp\": must be 'left'"),
+        (
+            'open = ["top"]',
+            'open = ["topp"]',
+            'tank.toml:14: body.tank.shape.open.0 = "topp": must be \'left\'',
+        ),
         ('open = ["top"]', 'open = ["front"]', "front"),
         ("at = [1.6, 0.01]", "", "tank.toml:16: gauge.p.at: this key is required"),
         ('name = "water"', "name = 3", "tank.toml:8: fluid.0.name = 3: must be text"),
         ('name = "water"', 'name = "a b"', "tank.toml:8: fluid.a b.name"),
         ("[[gauge]]", '[[gauge]]\nbody = "x"', "tank.toml:17: gauge.p.body = \"x\": no such key"),
-        ("[time]", "[domain]\nperiodic = [\"z\"]\nlower=[0,0]\nupper=[1,1]\n[time]", "must be x or y in a 2D case"),
+        (
+            '[time]',
+            '[domain]\nperiodic = ["z"]\nlower=[0,0]\nupper=[1,1]\n[time]',
+            'must be x or y in a 2D case',
+        ),
         ("[time]", '[domain]\nperiodic = ["x"]\n[time]', "lower and upper must say how long"),
         ("[time]", "[domain]\nlower = [0, 0]\n[time]", "give both or neither"),
         ("[time]", '[domain]\ngravity = { kind = "table", file = "g.csv" }\n[time]', "no such file"),
         ("[time]", "[domain]\ngravity = [0, 0, -9.81]\n[time]", "must have 2 numbers in a 2D case"),
         ("[time]", "[output]\ncolour = \"presure\"\n[time]", "did you mean 'pressure'?"),
-        ("[time]", "[output]\nfields = [\"velocity\", \"vorticity\"]\n[time]", "tank.toml:5: output.fields.1 = \"vorticity\""),
-        ("[time]", '[[reference]]\ngauge = "q"\nfile = "dam-break/level-1.csv"\n[time]', "must be the name of a gauge: p"),
-        ("[time]", "[step]\ngradient = { name = \"original\", re = 3.5 }\n[time]", "body.tank.layers = 3: must be at least 4"),
+        (
+            '[time]',
+            '[output]\nfields = ["velocity", "vorticity"]\n[time]',
+            'tank.toml:5: output.fields.1 = "vorticity"',
+        ),
+        (
+            '[time]',
+            '[[reference]]\ngauge = "q"\nfile = "dam-break/level-1.csv"\n[time]',
+            'must be the name of a gauge: p',
+        ),
+        (
+            '[time]',
+            '[step]\ngradient = { name = "original", re = 3.5 }\n[time]',
+            'body.tank.layers = 3: must be at least 4',
+        ),
         ("[time]", '[step]\ngradient = "orginal"\n[time]', "did you mean 'original'?"),
     ],
 )  # fmt: skip
@@ -255,9 +289,7 @@ def test_every_key_is_documented_with_its_unit():
             text = value.get("description", "")
             if not text:
                 undocumented.append(f"{where}.{key}")
-            number = value.get("type") == "number" or any(
-                c.get("type") == "number" for c in value.get("anyOf", [])
-            )
+            number = value.get("type") == "number" or any(c.get("type") == "number" for c in value.get("anyOf", []))
             if number and "[" not in text and "reference" not in text and "multiple" not in text:
                 without_unit.append(f"{where}.{key}: {text}")
 

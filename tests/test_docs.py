@@ -17,9 +17,7 @@ pytestmark = pytest.mark.skipif(not DOCS.exists(), reason="no docs folder beside
 
 def systems() -> dict[str, str]:
     """Return the state of every system in the table, by its id."""
-    rows = re.findall(
-        r"^\| ([A-Z]\d+) \|.*\| ([^|]+) \|$", (DOCS / "systems.md").read_text("utf-8"), re.MULTILINE
-    )
+    rows = re.findall(r"^\| ([A-Z]\d+) \|.*\| ([^|]+) \|$", (DOCS / "systems.md").read_text("utf-8"), re.MULTILINE)
     assert len(rows) == len(dict(rows)), "an id stands twice"
     return dict(rows)
 
@@ -29,9 +27,7 @@ def test_every_scheme_has_its_system_marked():
     states = systems()
     claimed = {name for scheme in schemes() for name in scheme.ids}
     assert claimed, "no scheme names a system"
-    unmarked = {
-        name for name in claimed if not re.match(r"\*\*done\*\*|in part", states.get(name, "missing"))
-    }
+    unmarked = {name for name in claimed if not re.match(r"\*\*done\*\*|in part", states.get(name, "missing"))}
     assert unmarked == set()
     assert {name for name, state in states.items() if state == "**done**"} - claimed == set()
 

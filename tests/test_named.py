@@ -44,9 +44,7 @@ def errors(caught):
 
 def test_name_table_and_object_are_the_same():
     expected = Bowl(fruit=Cherry(pair=Apple(weight=3.0)))
-    assert (
-        Bowl.model_validate({"fruit": {"kind": "cherry", "pair": {"kind": "apple", "weight": 3}}}) == expected
-    )
+    assert Bowl.model_validate({"fruit": {"kind": "cherry", "pair": {"kind": "apple", "weight": 3}}}) == expected
     assert Bowl.model_validate({"fruit": "cherry"}) == Bowl(fruit=Cherry())
 
 

@@ -77,8 +77,7 @@ SCALARS = (
 VALUES = st.recursive(
     SCALARS,
     lambda inner: (
-        st.lists(inner, max_size=3)
-        | st.dictionaries(st.text('ab-_ .é"', min_size=1, max_size=4), inner, max_size=3)
+        st.lists(inner, max_size=3) | st.dictionaries(st.text('ab-_ .é"', min_size=1, max_size=4), inner, max_size=3)
     ),
     max_leaves=12,
 )
@@ -102,7 +101,7 @@ def paths(node, at=()):
 def test_every_key_that_is_written_has_a_line(document):
     lines = toml.key_lines(toml.dumps(document))
     quoted = {p for p in paths(document) if any(isinstance(k, str) and ('"' in k or "\\" in k) for k in p)}
-    assert {p for p in paths(document)} - quoted <= set(lines)
+    assert set(paths(document)) - quoted <= set(lines)
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,10 @@ A case in Python is what a case file says, as constructor calls::
         fluid=[spume.Fluid(name="water", shape=spume.Box(lower=[0.0, 0.0], upper=[0.6, 0.3]))],
         body=[spume.Wall(name="tank", shape=spume.Tank(lower=[0, 0], upper=[1.61, 0.6], open=["top"]))],
     )
-    simulation = spume.build(case)
-    while simulation.time < case.time.end:
+    case.run("column")  # or, step by step:
+
+    simulation = case.build()
+    while not simulation.done:
         simulation.advance()
 
 Names are imported when they are first used, so that ``import spume`` is quick.
@@ -25,8 +27,6 @@ _HOME = {
     "spume.case": ("Case", "CaseError", "Domain", "Fluid", "Time", "load"),
     "spume.geometry": ("Box", "Cylinder", "Polygon", "Sphere", "Tank"),
     "spume.bodies.wall": ("Wall",),
-    "spume.build": ("build", "initial_rows"),
-    "spume.run": ("run",),
 }
 _MODULE = {name: module for module, names in _HOME.items() for name in names}
 

@@ -31,7 +31,6 @@ log = logging.getLogger("spume")
 Rows = dict[str, NDArray[Any]]
 BYTES_PER_ROW = {2: 1500, 3: 2500}
 """Memory of a run per row of the table [bytes], everything included."""
-_BYTES_PER_CELL = 100  # while a shape's window is searched
 
 
 def memory() -> int:
@@ -67,7 +66,7 @@ def grid_of(case: Case) -> Grid:
             )
     if problems:
         raise CaseError(problems)
-    return Grid(tuple(origin), case.spacing, largest=memory() // _BYTES_PER_CELL)
+    return Grid(tuple(origin), case.spacing, largest=memory() // BYTES_PER_ROW[case.dimension])
 
 
 def initial_rows(case: Case) -> Rows:
@@ -83,8 +82,9 @@ def initial_rows(case: Case) -> Rows:
             spacing cannot resolve, more particles than memory holds.
     """
     grid = grid_of(case)
-    volume = sum(fluid.shape.measure() for fluid in case.fluid)
-    _check_memory(case, volume / case.spacing**case.dimension)  # before anything is filled
+    expected = sum(fluid.shape.measure() for fluid in case.fluid) / case.spacing**case.dimension
+    expected += sum(body.expected_rows(case.spacing, case.dimension) for body in case.body)
+    _check_memory(case, expected)  # before anything is filled
     wet = _fluid_cells(case, grid)
     solid = _body_rows(case, grid)
     _check_fluid_and_walls(case, grid, wet, solid)
@@ -276,9 +276,7 @@ def _merged(case: Case, grid: Grid, tables: list[Rows]) -> list[Rows]:
     return result
 
 
-def _check_fluid_and_walls(
-    case: Case, grid: Grid, wet: Sequence[NDArray[np.float64]], solid: Sequence[Rows]
-) -> None:
+def _check_fluid_and_walls(case: Case, grid: Grid, wet: Sequence[NDArray[np.float64]], solid: Sequence[Rows]) -> None:
     """Refuse fluid in cells of a body's rows or deep inside a body."""
     problems = []
     cells = [_keys(grid.cells(table["position"]), grid, case) for table in solid]

@@ -8,7 +8,7 @@ import os
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
@@ -24,6 +24,9 @@ from spume.particles import BASE_FIELDS
 from spume.problems import CaseError, Origin, Problem
 from spume.steps.base import Step
 from spume.steps.project_in_place import ProjectInPlace
+
+if TYPE_CHECKING:
+    from spume.run import Run
 
 __all__ = ["Case", "CaseError", "Domain", "Fluid", "Time", "built_in_cases", "load", "schema"]
 
@@ -213,6 +216,18 @@ class Case(Parameters):
     def problem(self, loc: Location, message: str) -> Problem:
         """Return one mistake at a key, to be collected with others."""
         return self._origin.problem(loc, message)
+
+    def build(self, device: str | None = None, threads: int | None = None, precision: str | None = None) -> Any:
+        """Return the ``Simulation`` that the case describes; see `spume.build.build`."""
+        from spume.build import build
+
+        return build(self, device, threads, precision)
+
+    def run(self, folder: str | os.PathLike[str] | None = None, **options: Any) -> Run:
+        """Run the case to its end and write its results into a new folder; see `spume.run.run`."""
+        from spume.run import run
+
+        return run(self, folder, **options)
 
     def table(self) -> dict[str, Any]:
         """Return the completed case as the tables of a case file, every key with its value."""

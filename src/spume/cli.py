@@ -42,9 +42,7 @@ SetOption = Annotated[
 DeviceOption = Annotated[
     str | None, typer.Option(help="cpu, cuda, vulkan, metal or amdgpu; default: SPUME_DEVICE, else cpu.")
 ]
-ThreadsOption = Annotated[
-    int | None, typer.Option(min=1, help="Processor threads; default: all that may be used.")
-]
+ThreadsOption = Annotated[int | None, typer.Option(min=1, help="Processor threads; default: all that may be used.")]
 PrecisionOption = Annotated[str | None, typer.Option(help="double or single.")]
 
 
@@ -190,9 +188,9 @@ def new(
     """Write a commented case file."""
     from spume.named import CASES
 
-    path = Path(name if name.endswith(".toml") else f"{name}.toml")
-    if not re.fullmatch(r"[^\s/\\.][^\s/\\]*", path.stem):
-        raise typer.BadParameter(f"{name!r}: a file name without blanks is allowed", param_hint="NAME")
+    path = Path(f"{name.removesuffix('.toml')}.toml")
+    if not re.fullmatch(r"[^\s/\\.][^\s/\\]*", name.removesuffix(".toml")):
+        raise typer.BadParameter(f"{name!r}: a file name without blanks or folders is allowed", param_hint="NAME")
     if path.exists():
         raise FileExistsError(f"{path} exists already; nothing is overwritten: choose another name")
     if source is None:
@@ -202,7 +200,6 @@ def new(
 
         origin, _ = find_case(source)
         text = origin.read_text(encoding="utf-8")
-    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text, encoding="utf-8")
     _console().print(f"Wrote {path}. Look at it, then: spume check {path}", highlight=False)
 

@@ -191,7 +191,3 @@ def compiled(name: str, source: str, **namespace: Any) -> Any:
 def wait() -> None:
     """Wait until the device has finished all that was launched."""
     qd.sync()
-
-
-do_while = qd.graph.do_while if hasattr(qd.graph, "do_while") else qd.graph_do_while
-"""Condition of a loop that repeats a group of parallel loops on the device (inside ``kernel(graph=True)``)."""

@@ -125,9 +125,7 @@ class Scheme(Parameters):
     conserves: ClassVar[frozenset[str]] = frozenset()
     """Quantities conserved to round-off: ``momentum``, ``angular momentum``, ``volume``."""
 
-    def __init_subclass__(
-        cls, *, name: str = "", family: str = "", selector: str = "", **kwargs: Any
-    ) -> None:
+    def __init_subclass__(cls, *, name: str = "", family: str = "", selector: str = "", **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         if family:
             cls.family = family
@@ -145,9 +143,7 @@ class Scheme(Parameters):
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
-        claims = {"family", "key", "selector", "ids", "reference", "order", "conserves"} & set(
-            cls.model_fields
-        )
+        claims = {"family", "key", "selector", "ids", "reference", "order", "conserves"} & set(cls.model_fields)
         if claims:  # an annotation without ClassVar would silently turn a claim into a key of the case file
             raise TypeError(f"{cls.__name__}: write {', '.join(sorted(claims))} as a ClassVar")
         if cls.key and cls.selector in cls.model_fields:
@@ -176,9 +172,7 @@ class Scheme(Parameters):
         )
 
     @classmethod
-    def __get_pydantic_json_schema__(
-        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         if cls.key or not cls.family:
             return handler(schema)
         return {"x-family": cls.family}  # `json_schema` puts the family's choices in its place
@@ -264,9 +258,7 @@ class OneOrMore:
 
         return core_schema.no_info_before_validator_function(wrapped, handler(source))
 
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         array = handler(schema)
         return {"anyOf": [array["items"], array]}
 

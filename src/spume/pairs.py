@@ -52,9 +52,7 @@ def pair_term(
     """
 
     def decorate(formula: Callable[..., Any]) -> PairTerm:
-        return PairTerm(
-            kernels.func(formula), tuple(reads), shape, None if finish is None else kernels.func(finish)
-        )
+        return PairTerm(kernels.func(formula), tuple(reads), shape, None if finish is None else kernels.func(finish))
 
     return decorate
 
@@ -110,9 +108,7 @@ class Pairs:
         periodic: Sequence[bool] | None = None,
     ) -> None:
         self.periodic = tuple(bool(p) for p in (periodic or [False] * len(lower)))
-        self.list = NeighbourList(
-            radius, skin, np.asarray(lower, float), np.asarray(upper, float), self.periodic
-        )
+        self.list = NeighbourList(radius, skin, np.asarray(lower, float), np.asarray(upper, float), self.periodic)
 
     @property
     def builds(self) -> int:
@@ -199,7 +195,7 @@ def row_map(
     arguments: Sequence[float] = (),
     fields: Mapping[str, str] | None = None,
 ) -> None:
-    """Write one term per row of the given kinds into a field; ``arguments`` follow ``a``, ``fields`` as in ``pair_sum``."""
+    """Write one term per row of the given kinds; ``arguments`` follow ``a``, ``fields`` as in ``pair_sum``."""
     behind = fields or {}
     kernel = _row_kernel(term, out, rows, _signature(particles, (*term.reads, out), behind), len(arguments))
     inputs = [particles[behind.get(n, n)] for n in term.reads]
@@ -209,9 +205,7 @@ def row_map(
 Signature = tuple[tuple[str, tuple[int, ...], bool], ...]
 
 
-def _signature(
-    particles: Particles, names: Sequence[str], behind: Mapping[str, str] | None = None
-) -> Signature:
+def _signature(particles: Particles, names: Sequence[str], behind: Mapping[str, str] | None = None) -> Signature:
     fields = {n: particles.fields[(behind or {}).get(n, n)] for n in names}
     return tuple((n, fields[n].value_shape(particles.dimension), fields[n].dtype is int) for n in names)
 
@@ -262,9 +256,7 @@ def load(signature: Signature, reads: Sequence[str]) -> tuple[Any, str]:
 
 def minimum_image(periodic: Sequence[bool]) -> list[str]:
     """Return the statements that replace ``r`` by its shortest periodic image."""
-    return [
-        f"r[{k}] -= period{k} * qd.round(r[{k}] / period{k})" for k, joined in enumerate(periodic) if joined
-    ]
+    return [f"r[{k}] -= period{k} * qd.round(r[{k}] / period{k})" for k, joined in enumerate(periodic) if joined]
 
 
 @kernels.cached

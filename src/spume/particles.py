@@ -81,9 +81,7 @@ class Particles:
         capacity: rows to make room for; the table grows by doubling.
     """
 
-    def __init__(
-        self, dimension: int, spacing: float, fields: Iterable[Field] = (), capacity: int = 1024
-    ) -> None:
+    def __init__(self, dimension: int, spacing: float, fields: Iterable[Field] = (), capacity: int = 1024) -> None:
         self.dimension = dimension
         self.spacing = spacing
         self.count = 0
@@ -110,9 +108,7 @@ class Particles:
                 self.fields[field.name] = field
                 self._arrays[field.name] = kernels.array(self._type(field), self.capacity)
                 if self.count:
-                    self.set(
-                        field.name, np.full((self.count, *field.value_shape(self.dimension)), field.initial)
-                    )
+                    self.set(field.name, np.full((self.count, *field.value_shape(self.dimension)), field.initial))
             elif known != field:
                 raise ValueError(f"field {field.name!r} is declared twice, differently: {known} and {field}")
 
@@ -211,15 +207,14 @@ class Particles:
         _largest_kernel(self.fields[name].value_shape(self.dimension)[0])(
             self[name], self["kind"], self._partial, rows, self.count
         )
-        return float(np.sqrt(np.max(self._partial.to_numpy())))
+        largest = np.max(self._partial.to_numpy())
+        return float(np.sqrt(largest)) if largest < np.finfo(largest.dtype).max else float("nan")
 
     def total(self, name: str, rows: int = ANY) -> float:
-        """Return the sum of a scalar field over rows of the given kinds, in an order that does not depend on threads."""
+        """Return the sum of a scalar field over rows of the given kinds; its order does not depend on threads."""
         if self._partial is None:
             self._partial = kernels.array(kernels.runtime().real, _REDUCTION_BLOCKS)
-        _total_kernel(self.fields[name].dtype is int)(
-            self[name], self["kind"], self._partial, rows, self.count
-        )
+        _total_kernel(self.fields[name].dtype is int)(self[name], self["kind"], self._partial, rows, self.count)
         return float(np.sum(self._partial.to_numpy()))
 
     def _grow(self, needed: int) -> None:
@@ -273,6 +268,7 @@ def _largest_kernel(d: int) -> Any:
     real = kernels.runtime().real
     Vectors, Rows, Reals = (kernels.array_type(t) for t in (kernels.vector(d), kernels.i32, real))
     serial, qd, blocks = kernels.runtime().serial, kernels.qd, _REDUCTION_BLOCKS
+    huge = float(np.finfo(kernels.runtime().dtype).max)
 
     @kernels.kernel
     def largest(field: Vectors, kind: Rows, partial: Reals, kinds: kernels.i32, count: kernels.i32):
@@ -285,9 +281,10 @@ def _largest_kernel(d: int) -> Any:
             ):
                 if kind[i] & kinds != 0:
                     square = field[i].dot(field[i])
-                    # NaN must win: it would vanish in max().
-                    if not (square <= found):
-                        found = square
+                    # NaN must win, but it would vanish in max().
+                    if not (square < huge):
+                        square = huge
+                    found = qd.max(found, square)
             partial[b] = found
 
     return largest
@@ -296,9 +293,7 @@ def _largest_kernel(d: int) -> Any:
 @kernels.cached
 def _total_kernel(integer: bool) -> Any:
     real = kernels.runtime().real
-    Values, Rows, Reals = (
-        kernels.array_type(t) for t in (kernels.i32 if integer else real, kernels.i32, real)
-    )
+    Values, Rows, Reals = (kernels.array_type(t) for t in (kernels.i32 if integer else real, kernels.i32, real))
     serial, qd, blocks = kernels.runtime().serial, kernels.qd, _REDUCTION_BLOCKS
 
     @kernels.kernel

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import signal
 import threading
 import time as wall
@@ -78,15 +79,14 @@ def make_folder(folder: Path) -> None:
     if folder.exists():
         free = run_folder(folder.name, folder.parent)
         raise FolderExistsError(
-            f"{folder} exists already; nothing is overwritten: "
-            f"choose another folder (--out {free}) or remove it"
+            f"{folder} exists already; nothing is overwritten: choose another folder (--out {free}) or remove it"
         )
     folder.mkdir(parents=True)
 
 
 def run(
     case: Case,
-    folder: str | Path | None = None,
+    folder: str | os.PathLike[str] | None = None,
     *,
     device: str | None = None,
     threads: int | None = None,

@@ -177,9 +177,7 @@ class NeighbourList:
             *[int(s) for s in shape],
         )
         _scan_kernel()(self._cursor, self._cell_start, self._sums, cells + 1)
-        _scatter_kernel()(
-            self._cell, self._cell_start, self._cursor, self._order, particles["id"], count, cells
-        )
+        _scatter_kernel()(self._cell, self._cell_start, self._cursor, self._order, particles["id"], count, cells)
         particles.reorder(self._order)
 
     def _fill(
@@ -229,15 +227,23 @@ def _copy_kernel(d: int) -> Any:
 def _displacement_kernel(d: int) -> Any:
     Vectors, _, _, _ = _types(d)
     serial, qd, blocks, real = kernels.runtime().serial, kernels.qd, _REDUCTION_BLOCKS, kernels.runtime().real
+    huge = float(np.finfo(kernels.runtime().dtype).max)
 
     @kernels.kernel
     def displacement(position: Vectors, built: Vectors, partial: Vectors, count: kernels.i32):
         qd.loop_config(serialize=serial)
         for b in range(blocks):
             largest = qd.cast(0, real)
-            for i in range((count * b) // blocks, (count * (b + 1)) // blocks):
+            for i in range(
+                qd.cast(qd.cast(count, qd.i64) * b // blocks, qd.i32),
+                qd.cast(qd.cast(count, qd.i64) * (b + 1) // blocks, qd.i32),
+            ):
                 moved = position[i] - built[i]
-                largest = qd.max(largest, moved.dot(moved))
+                square = moved.dot(moved)
+                # A position that is not a number vanishes in max(): it must cause a build, which removes it.
+                if not (square < huge):
+                    square = huge
+                largest = qd.max(largest, square)
             partial[b][0] = largest
 
     return displacement
@@ -353,9 +359,7 @@ def _scatter_kernel() -> Any:
     serial, qd = kernels.runtime().serial, kernels.qd
 
     @kernels.kernel
-    def scatter(
-        cell: Rows, start: Rows, cursor: Rows, order: Rows, ids: Rows, count: kernels.i32, cells: kernels.i32
-    ):
+    def scatter(cell: Rows, start: Rows, cursor: Rows, order: Rows, ids: Rows, count: kernels.i32, cells: kernels.i32):
         qd.loop_config(serialize=serial)
         for i in range(count):
             slot = qd.atomic_add(cursor[cell[i]], 1)
@@ -383,12 +387,11 @@ def _list_kernel(d: int, periodic: tuple[bool, ...]) -> Any:
     parameters = [f"origin{k}: real" for k in axes] + [f"size{k}: real" for k in axes]
     parameters += [f"shape{k}: qd.i32" for k in axes] + [f"period{k}: real" for k in axes]
     m = _CELLS_PER_REACH
-    body: list[str] = []
     indent = "            "
-    for k in axes:
-        body.append(
-            f"{indent}c{k} = qd.min(qd.max(qd.cast(qd.floor((x[{k}] - origin{k}) / size{k}), qd.i32), 0), shape{k} - 1)"
-        )
+    body = [
+        f"{indent}c{k} = qd.min(qd.max(qd.cast(qd.floor((x[{k}] - origin{k}) / size{k}), qd.i32), 0), shape{k} - 1)"
+        for k in axes
+    ]
     loops = indent
     for k in reversed(range(1, d)):
         if periodic[k]:

@@ -125,7 +125,7 @@ class Simulation:
         return stage_times
 
     def run(self, until: float = inf, after_step: Callable[["Simulation"], Any] | None = None) -> None:
-        """Advance to the end time, or until the time ``until`` [s] is passed, calling ``after_step`` after each step."""
+        """Advance to the end, or until the time ``until`` [s] is passed, calling ``after_step`` after each step."""
         while not self.done and self.time < until:
             self.advance()
             if after_step is not None:

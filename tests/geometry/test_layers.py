@@ -42,9 +42,7 @@ def test_first_layer_is_one_spacing_from_the_fluid():
     fluid = fill(Box(lower=(0, 0), upper=(1.0, 0.3)), grid)
     gaps = np.linalg.norm(layers.position[:, None] - fluid[None], axis=2)
     assert gaps.min() == pytest.approx(L0)
-    assert not layers.wall[gaps.min(axis=1) > 1.5 * L0][
-        layers.position[gaps.min(axis=1) > 1.5 * L0][:, 1] < 0
-    ].any()
+    assert not layers.wall[gaps.min(axis=1) > 1.5 * L0][layers.position[gaps.min(axis=1) > 1.5 * L0][:, 1] < 0].any()
 
 
 @pytest.mark.parametrize("depth", [0.05, 0.15, 0.25])

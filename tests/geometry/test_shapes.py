@@ -57,6 +57,14 @@ class TestEveryShape:
         expected = shape.measure() / 1.6 ** x.shape[1]
         assert shape.inside(x).mean() == pytest.approx(expected, abs=4 * math.sqrt(0.25 / len(x)))
 
+    def test_surface_is_the_slope_of_the_measure(self, shape):
+        """d(volume)/d(offset) at the surface is its area: count points in a thin shell."""
+        x = points(shape, 200_000)
+        thin = 0.02
+        shell = np.abs(shape.distance(x)) < thin
+        d = x.shape[1]
+        assert shell.mean() * 1.6**d / (2 * thin) == pytest.approx(shape.surface(), rel=0.05)
+
     def test_bounds_hold_the_inside_tightly(self, shape):
         x = points(shape, 40_000)
         x = x[shape.inside(x)]
@@ -73,6 +81,11 @@ def test_open_faces_are_no_surface():
     assert tank.nearest(x).tolist() == [[0.01, 0.0], [0.5, 0.0], [1.0, 0.95]]
     beyond = np.array([[-0.1, 0.5], [0.5, 1.1], [1.1, 0.5], [0.5, -0.1], [1.1, 1.1]])
     assert tank.solid_side(beyond).tolist() == [False, False, True, True, False]
+
+
+def test_open_faces_have_no_area():
+    assert Tank(lower=(0, 0), upper=(3, 2), open=("top",)).surface() == pytest.approx(7.0)
+    assert Tank(lower=(0, 0, 0), upper=(1, 2, 3), open=("top", "front")).surface() == pytest.approx(22 - 2 - 3)
 
 
 def test_faces_of_a_3d_tank():

@@ -30,9 +30,7 @@ def test_rest_and_uniform():
 
 
 def test_rotation_is_about_its_centre_and_counter_clockwise():
-    u = Rotation(rate=2.0, centre=(1.0, 0.0)).velocity(
-        np.array([[2.0, 0.0], [1.0, 0.0], [1.0, 3.0]]), SETTING
-    )
+    u = Rotation(rate=2.0, centre=(1.0, 0.0)).velocity(np.array([[2.0, 0.0], [1.0, 0.0], [1.0, 3.0]]), SETTING)
     assert u.tolist() == [[0.0, 2.0], [0.0, 0.0], [-6.0, 0.0]]
     u = Rotation(rate=2.0).velocity(np.array([[1.0, 0.0, 7.0]]), SETTING)
     assert u.tolist() == [[0.0, 2.0, 0.0]]
@@ -95,9 +93,7 @@ class TestTable:
     def test_linear_fields_are_exact(self, tmp_path):
         corners = [(0, 0), (2, 0), (0, 1), (2, 1), (1, 0.5)]
         lines = [f"{x},{y},{1 + 2 * x - y},{3 * y},{5 * x}" for x, y in corners]
-        table = Table(
-            file=self.write(tmp_path, "# a comment\nx [m],y [m],u [m/s],v [m/s],p [Pa]\n" + "\n".join(lines))
-        )
+        table = Table(file=self.write(tmp_path, "# a comment\nx [m],y [m],u [m/s],v [m/s],p [Pa]\n" + "\n".join(lines)))
         x = lattice()
         assert table.velocity(x, SETTING)[:, 0] == pytest.approx(1 + 2 * x[:, 0] - x[:, 1])
         assert table.velocity(x, SETTING)[:, 1] == pytest.approx(3 * x[:, 1])

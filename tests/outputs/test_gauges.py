@@ -56,8 +56,7 @@ def test_a_pressure_face_averages_over_its_length_or_the_spacing():
     rows["pressure"] = 1e5 * rows["position"][:, 1] ** 2
     snapshot = snapshot_of(rows, L0)
     point, wide, tiny, one = (
-        Pressure(name="p", at=(1.0, 0.25), face=f).measure(snapshot)["pressure"]
-        for f in (None, 0.3, 0.001, L0)
+        Pressure(name="p", at=(1.0, 0.25), face=f).measure(snapshot)["pressure"] for f in (None, 0.3, 0.001, L0)
     )
     assert wide - point == pytest.approx(1e5 * 0.3**2 / 12.0, rel=0.1)  # mean of y² over a length
     assert tiny == one
@@ -87,9 +86,7 @@ def test_pressure_leaves_dry_wall_rows_out():
     rows = still()
     dry = rows["position"][:, 1] > 0.5 + L0
     rows["pressure"] = np.where(dry, 1e9, rows["pressure"])
-    assert (
-        Pressure(name="p", at=(1.0, 0.5)).measure(snapshot_of(rows, L0))["pressure"] < 0.1 * DENSITY * GRAVITY
-    )
+    assert Pressure(name="p", at=(1.0, 0.5)).measure(snapshot_of(rows, L0))["pressure"] < 0.1 * DENSITY * GRAVITY
 
 
 def test_pressure_at_a_jet_is_within_what_the_rows_carry():
@@ -136,9 +133,7 @@ def test_elevation_ignores_drops_and_shows_overturning():
     i, j = np.meshgrid(np.arange(20), np.arange(5))
     jet = np.column_stack([(i.ravel() + 0.5) * L0, 0.5 + (j.ravel() + 0.5) * L0])
     column = np.column_stack([np.full(6, 0.5 * L0), 0.2 + (np.arange(6) + 0.5) * L0])
-    answer = Elevation(name="h", at=(0.5,)).measure(
-        snapshot_of(add_fluid(rows, np.vstack([jet, column])), L0)
-    )
+    answer = Elevation(name="h", at=(0.5,)).measure(snapshot_of(add_fluid(rows, np.vstack([jet, column])), L0))
     assert answer["first_surface"] == pytest.approx(0.2, abs=0.05 * L0)
     assert answer["elevation"] == pytest.approx(0.75, abs=0.05 * L0)
     assert answer["wetted_length"] == pytest.approx(0.45, abs=0.1 * L0)
@@ -204,9 +199,7 @@ def test_force_of_water_at_rest_is_its_weight(width):
 def test_force_counts_wet_rows_only():
     rows = still()
     rows["pressure"] = np.where(rows["position"][:, 1] > 0.5 + 2 * L0, 1e9, rows["pressure"])
-    rows["pressure"] = np.where(
-        rows["position"][:, 0] > 0.5, rows["pressure"], np.minimum(rows["pressure"], 1e5)
-    )
+    rows["pressure"] = np.where(rows["position"][:, 0] > 0.5, rows["pressure"], np.minimum(rows["pressure"], 1e5))
     answer = Force(name="f", body="tank").measure(snapshot_of(rows, L0))
     assert abs(answer["force_x"]) < 1e3
 

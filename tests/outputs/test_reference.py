@@ -25,9 +25,7 @@ def bump(t, arrival=1.0):
 def folder(tmp_path):
     """A run folder with a gauge in SI units and reference files in units of their own."""
     t = np.linspace(0.0, 1.0, 401)  # seconds; one unit of reference time is 0.2 s
-    write_csv(
-        tmp_path / "gauges" / "p.csv", "time [s],pressure [Pa],other [Pa]", t, 3000.0 * bump(t / 0.2), 0 * t
-    )
+    write_csv(tmp_path / "gauges" / "p.csv", "time [s],pressure [Pa],other [Pa]", t, 3000.0 * bump(t / 0.2), 0 * t)
     r = np.linspace(0.0, 6.0, 61)
     write_csv(tmp_path / "p.csv", "t*,p*,low,high", r, bump(r), 0.9 * bump(r), 1.1 * bump(r))
     write_csv(tmp_path / "late.csv", "t*,p*", r, bump(r, arrival=1.06))
@@ -101,9 +99,7 @@ def test_first_crossing_upward_and_downward():
 
 def test_the_table_and_the_summary_hold_the_numbers(folder, capsys):
     run = make_run(folder)
-    output = Compare(
-        [reference(folder, "late.csv", shift_max=0.1, label="p [ρgH]", source="Someone 2014")], ["p"]
-    )
+    output = Compare([reference(folder, "late.csv", shift_max=0.1, label="p [ρgH]", source="Someone 2014")], ["p"])
     output.start(run)
     output.finish(run)
     printed = capsys.readouterr().out

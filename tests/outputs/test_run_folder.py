@@ -21,18 +21,14 @@ def colours_of(path):
 @pytest.mark.parametrize("width", [None, 0.3])
 def test_a_whole_run_leaves_a_complete_folder(tmp_path, width):
     t = np.linspace(0.0, 0.5, 30)
-    file = write_csv(
-        tmp_path / "level_reference.csv", "t,h,low,high", t, 0.5 + 0 * t, 0.45 + 0 * t, 0.55 + 0 * t
-    )
+    file = write_csv(tmp_path / "level_reference.csv", "t,h,low,high", t, 0.5 + 0 * t, 0.45 + 0 * t, 0.55 + 0 * t)
     place = (0.5,) if width is None else (0.5, 0.15)
     gauges = [
         Elevation(name="level", at=place, interval=0.02),
         Volume(name="volume"),
         Force(name="f", body="tank"),
     ]
-    reference = Reference(
-        gauge="level", file=str(file), lower="low", upper="high", label="h [m]", source="Nobody"
-    )
+    reference = Reference(gauge="level", file=str(file), lower="low", upper="high", label="h [m]", source="Nobody")
     folder = tmp_path / "out"
     folder.mkdir()
     settings = OutputSettings(interval=0.05, animation="gif")
@@ -148,9 +144,7 @@ def test_discs_fill_a_lattice_without_gaps_and_show_the_nearest():
     pixel = np.stack([x + 0.5, 99.5 - y], axis=-1) / 100.0  # the first row of an image is its top
     away = np.linalg.norm(pixel[:, :, None] - centres, axis=3)
     np.testing.assert_allclose(distance, away.min(axis=2), atol=1e-6)
-    assert np.array_equal(
-        np.linalg.norm(pixel - centres[owner], axis=2) <= away.min(axis=2) + 1e-6, owner >= 0
-    )
+    assert np.array_equal(np.linalg.norm(pixel - centres[owner], axis=2) <= away.min(axis=2) + 1e-6, owner >= 0)
 
 
 def test_a_disc_has_its_size():
@@ -164,9 +158,7 @@ def test_the_nearer_ball_hides_the_farther():
     position = np.array([[0.5, 0.1, 0.5], [0.5, 0.9, 0.5]])
     colours = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]], dtype=np.float32)
     for order in ([0, 1], [1, 0]):
-        image = raster.paint_spheres(
-            camera, position[order], np.full(2, 0.1), colours[order], np.zeros(2, bool)
-        )
+        image = raster.paint_spheres(camera, position[order], np.full(2, 0.1), colours[order], np.zeros(2, bool))
         assert image[100, 100].tolist() == [255, 0, 0]
         assert image[5, 5].tolist() == [255, 255, 255]
 

@@ -180,9 +180,7 @@ def assert_vtk_frames(path, steps, width=None):
         assert data.GetNumberOfVerts() == len(order)
         assert data.GetCell(len(order) - 1).GetPointId(0) == len(order) - 1
         arrays = data.GetPointData()
-        np.testing.assert_allclose(
-            vtk_to_numpy(arrays.GetArray("pressure")), rows["pressure"][order], rtol=1e-6
-        )
+        np.testing.assert_allclose(vtk_to_numpy(arrays.GetArray("pressure")), rows["pressure"][order], rtol=1e-6)
         assert np.array_equal(vtk_to_numpy(arrays.GetArray("id")), rows["id"][order])
         assert arrays.GetArray("velocity").GetNumberOfComponents() == 3
 

@@ -21,9 +21,7 @@ class Body(Scheme, family="body", selector="kind"):
     name: str
     """Label of the body, unique in the case."""
 
-    def rows(
-        self, spacing: float, dimension: int, origin: tuple[float, ...] | None = None
-    ) -> dict[str, NDArray[Any]]:
+    def rows(self, spacing: float, dimension: int, origin: tuple[float, ...] | None = None) -> dict[str, NDArray[Any]]:
         """Return the initial rows on the lattice ``origin + (i + 1/2) spacing``.
 
         Args:
@@ -38,9 +36,11 @@ class Body(Scheme, family="body", selector="kind"):
         """
         raise NotImplementedError
 
-    def core(
-        self, points: NDArray[np.float64], spacing: float, origin: tuple[float, ...]
-    ) -> NDArray[np.bool_]:
+    def expected_rows(self, spacing: float, dimension: int) -> float:
+        """Return about how many rows the body will have, known without making them."""
+        return 0.0
+
+    def core(self, points: NDArray[np.float64], spacing: float, origin: tuple[float, ...]) -> NDArray[np.bool_]:
         """Return which points [m], shape (n, d), lie deep inside the body, where it needs no rows.
 
         No fluid may start there or where the body has rows. The lattice is that of `rows`.

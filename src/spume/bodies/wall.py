@@ -51,9 +51,7 @@ class Wall(Body, name="wall"):
         return isinstance(self.shape, Tank) if self.wetted is None else self.wetted == "inside"
 
     @override
-    def rows(
-        self, spacing: float, dimension: int, origin: tuple[float, ...] | None = None
-    ) -> dict[str, NDArray[Any]]:
+    def rows(self, spacing: float, dimension: int, origin: tuple[float, ...] | None = None) -> dict[str, NDArray[Any]]:
         grid = Grid(origin or (0.0,) * dimension, spacing)
         shape, _ = self.shape.snapped(grid)
         layers = wall_layers(shape, grid, self.layers, wetted="inside" if self.wet_inside else "outside")
@@ -69,9 +67,11 @@ class Wall(Body, name="wall"):
         }
 
     @override
-    def core(
-        self, points: NDArray[np.float64], spacing: float, origin: tuple[float, ...]
-    ) -> NDArray[np.bool_]:
+    def expected_rows(self, spacing: float, dimension: int) -> float:
+        return self.layers * self.shape.surface() / spacing ** (dimension - 1)
+
+    @override
+    def core(self, points: NDArray[np.float64], spacing: float, origin: tuple[float, ...]) -> NDArray[np.bool_]:
         if self.wet_inside:
             return super().core(points, spacing, origin)
         return self.shape.snapped(Grid(origin, spacing))[0].inside(points)

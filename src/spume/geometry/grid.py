@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 CHUNK = 1 << 20
 """Points handled at once, so that filling a large shape needs little memory beyond its result."""
+_LARGEST_INDEX = 1e9
+_SPARSEST = 10  # cells searched per particle that memory holds
 
 
 class TooManyCellsError(ValueError):
@@ -31,8 +33,8 @@ class Grid:
 
     origin: tuple[float, ...]
     spacing: float
-    largest: int = 2_000_000_000
-    """Largest number of cells that may be searched for one shape."""
+    largest: int = 100_000_000
+    """Largest number of particles that one shape may get."""
 
     @property
     def dimension(self) -> int:
@@ -71,19 +73,25 @@ class Grid:
         """
         origin = np.array(self.origin)
         extent = np.maximum(0.0, (upper - lower) / self.spacing) + 2 * margin
-        if not np.all(np.isfinite(extent)) or np.prod(extent) > self.largest:
-            raise TooManyCellsError(
-                f"it spans {np.prod(extent):.3g} cells of {self.spacing:g} m; "
-                f"this machine's memory holds {self.largest:.3g}"
-            )
+        if not np.all(extent < _LARGEST_INDEX):
+            raise TooManyCellsError(f"it is {extent.max():.3g} cells of {self.spacing:g} m long")
         first = np.ceil((lower - origin) / self.spacing - 0.5 - 1e-9).astype(np.int64) - margin
         last = np.floor((upper - origin) / self.spacing - 0.5 + 1e-9).astype(np.int64) + 1 + margin
         return first, np.maximum(first, last)
 
     def blocks(self, first: NDArray[np.int64], last: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
-        """Yield the cells of a window in order (last axis fastest), some at a time, each (m, d)."""
+        """Yield the cells of a window in order (last axis fastest), some at a time, each (m, d).
+
+        Raises:
+            TooManyCellsError: so many that looking at each would take too long.
+        """
         shape = tuple(int(n) for n in last - first)
         total = math.prod(shape)
+        if total > _SPARSEST * self.largest:
+            raise TooManyCellsError(
+                f"it spans {total:.3g} cells of {self.spacing:g} m, this machine's memory holds "
+                f"{self.largest:.3g} particles"
+            )
         for start in range(0, total, CHUNK):
             flat = np.arange(start, min(start + CHUNK, total))
             yield np.stack(np.unravel_index(flat, shape), axis=1).astype(np.int64) + first

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 from scipy.spatial import cKDTree
 
-from spume.geometry.grid import Grid
+from spume.geometry.grid import Grid, TooManyCellsError
 from spume.geometry.shapes import Shape
 
 
@@ -38,29 +39,55 @@ def wall_layers(shape: Shape, grid: Grid, layers: int, *, wetted: str) -> Layers
     surface, the diagonal cell of a corner included; the dummies are the solid cells behind it up to
     `layers` cells from the fluid. At an open face of a tank nothing stands beyond the face.
     """
-    lower, upper = shape.bounds()
-    first, last = grid.window(lower, upper, margin=layers)
-    size = tuple(int(n) for n in last - first)
-    depth = np.empty(size, dtype=np.float32).reshape(-1)  # distance behind the surface, positive in the solid
-    allowed = np.empty(depth.size, dtype=bool)
-    start = 0
-    for cells in grid.blocks(first, last):
-        points = grid.centres(cells)
-        distance = shape.distance(points)
-        part = slice(start, start + len(points))
-        depth[part] = (distance if wetted == "inside" else -distance) / grid.spacing
-        allowed[part] = shape.solid_side(points) if wetted == "inside" else True
-        start += len(points)
-    wet = (depth < -1e-6).reshape(size)
-    near = maximum_filter(wet, size=2 * layers + 1, mode="nearest").reshape(-1)
-    # The square neighbourhood gives a corner its full square, and a sloping surface too many layers.
-    deepest = max(1.0, math.sqrt(2.0) * (layers - 0.5) + 1e-3)
-    rows = np.flatnonzero(near & allowed & ~wet.reshape(-1) & (depth < deepest))
-    cells = np.stack(np.unravel_index(rows, size), axis=1).astype(np.int64) + first
+    # The square neighbourhood gives a corner its full square, and a sloping surface too many layers: no
+    # row is deeper than the last one on the diagonal of an edge (in 3D in the wall layer of a third wall).
+    deepest = max(1.0, math.sqrt(2.0 * (layers - 0.5) ** 2 + 0.25 * (grid.dimension - 2)) + 1e-3)
+    sign = 1.0 if wetted == "inside" else -1.0
+    found, depths, total = [], [], 0
+    for corner, size in _blocks_near_the_surface(shape, grid, layers):
+        wide = np.stack(np.indices(size + 2 * layers), axis=-1).reshape(-1, grid.dimension)
+        points = grid.centres(wide + corner - layers)
+        depth = sign * shape.distance(points) / grid.spacing  # behind the surface, positive in the solid
+        wet = (depth < -1e-6).reshape(size + 2 * layers)
+        near = maximum_filter(wet, size=2 * layers + 1, mode="nearest").reshape(-1)
+        rows = near & ~wet.reshape(-1) & (depth < deepest)
+        rows &= np.all((wide >= layers) & (wide < size + layers), axis=1)
+        if wetted == "inside":
+            rows &= shape.solid_side(points)
+        found.append((wide + corner - layers)[rows])
+        depths.append(depth[rows])
+        total += int(np.count_nonzero(rows))
+        if total > grid.largest:
+            raise TooManyCellsError(f"its layers have more than {grid.largest:.3g} particles")
+    cells = np.concatenate([np.empty((0, grid.dimension), dtype=np.int64), *found])
+    order = np.lexsort(cells.T[::-1])
+    cells, depth = cells[order], np.concatenate([np.empty(0), *depths])[order]
     position = grid.centres(cells)
     to_surface = shape.nearest(position) - position
-    wall = depth[rows] < 1.0 - 1e-6
+    wall = depth < 1.0 - 1e-6
     return Layers(position, wall, to_surface, masters(position, wall, to_surface))
+
+
+_EDGE = {2: 64, 3: 24}
+
+
+def _blocks_near_the_surface(
+    shape: Shape, grid: Grid, layers: int
+) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+    """Yield first cell and size of those blocks of cells that the layers may touch.
+
+    The distance from the surface changes by at most one metre a metre, so its value at the middle of
+    a block rules out most blocks: a wall costs as much as its surface, not as the room that it encloses.
+    """
+    edge = _EDGE[grid.dimension]
+    first, last = grid.window(*shape.bounds(), margin=layers)
+    count = -(-(last - first) // edge)
+    reach = (math.sqrt(grid.dimension) * (edge / 2 + layers) + 2.0) * grid.spacing
+    for block in grid.blocks(np.zeros_like(count), count):
+        corners = first + block * edge
+        middle = np.array(grid.origin) + (corners + edge / 2) * grid.spacing
+        for corner in corners[np.abs(shape.distance(middle)) < reach]:
+            yield corner, np.minimum(edge, last - corner)
 
 
 def masters(

@@ -49,6 +49,10 @@ class Shape(Scheme, family="shape", selector="kind"):
         """Return the area [m^2] in 2D or the volume [m^3] in 3D."""
         raise NotImplementedError
 
+    def surface(self) -> float:
+        """Return the length [m] in 2D or the area [m^2] in 3D of the surface, without open faces."""
+        raise NotImplementedError
+
     def snapped(self, grid: Grid) -> tuple[Self, list[str]]:
         """Return the shape with its plane faces moved to the nearest cell faces of `grid`.
 
@@ -89,7 +93,7 @@ class _Corners(Shape):
 
     @override
     def nearest(self, points: Points) -> Points:
-        return _nearest_on_box(points, *self.bounds(), np.zeros((2, len(self.lower)), dtype=bool))
+        return _nearest_on_box(points, *self.bounds(), self.open_faces())
 
     @override
     def distance(self, points: Points) -> NDArray[np.float64]:
@@ -102,6 +106,16 @@ class _Corners(Shape):
     def measure(self) -> float:
         lower, upper = self.bounds()
         return float(np.prod(upper - lower))
+
+    @override
+    def surface(self) -> float:
+        lower, upper = self.bounds()
+        faces = np.prod(upper - lower) / (upper - lower)
+        return float(np.sum(~self.open_faces() * faces))
+
+    def open_faces(self) -> NDArray[np.bool_]:
+        """Return which faces are open, shape (2, d): lower and upper face of each axis."""
+        return np.zeros((2, len(self.lower)), dtype=bool)
 
     @override
     def snapped(self, grid: Grid) -> tuple[Self, list[str]]:
@@ -127,8 +141,8 @@ class Tank(_Corners, name="tank"):
     open: tuple[Face, ...] = ()
     """Open faces: left, right (x), bottom, top (the last axis), in 3D also front, back (y)."""
 
+    @override
     def open_faces(self) -> NDArray[np.bool_]:
-        """Return which faces are open, shape (2, d): lower and upper face of each axis."""
         d = len(self.lower)
         faces = np.zeros((2, d), dtype=bool)
         axis = {"left": (0, 0), "right": (1, 0), "bottom": (0, d - 1), "top": (1, d - 1)}
@@ -144,10 +158,6 @@ class Tank(_Corners, name="tank"):
         if self.open_faces().all():
             raise ValueError("a tank with every face open has no walls")
         return self
-
-    @override
-    def nearest(self, points: Points) -> Points:
-        return _nearest_on_box(points, *self.bounds(), self.open_faces())
 
     @override
     def solid_side(self, points: Points) -> NDArray[np.bool_]:
@@ -209,6 +219,10 @@ class Sphere(Shape, name="sphere"):
     def measure(self) -> float:
         return math.pi * self.radius**2 if len(self.centre) == 2 else 4.0 / 3.0 * math.pi * self.radius**3
 
+    @override
+    def surface(self) -> float:
+        return 2.0 * math.pi * self.radius if len(self.centre) == 2 else 4.0 * math.pi * self.radius**2
+
 
 class Cylinder(Shape, name="cylinder"):
     """A circular cylinder with plane ends (3D)."""
@@ -243,9 +257,7 @@ class Cylinder(Shape, name="cylinder"):
         ends = np.array([self.start, self.end], dtype=float)
         return ends.min(axis=0) - reach, ends.max(axis=0) + reach
 
-    def _coordinates(
-        self, points: Points
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def _coordinates(self, points: Points) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Return distance along the axis, distance from it, and the unit vector away from it."""
         start, axis, _ = self._axis()
         along = (points - start) @ axis
@@ -277,6 +289,10 @@ class Cylinder(Shape, name="cylinder"):
     @override
     def measure(self) -> float:
         return math.pi * self.radius**2 * self._axis()[2]
+
+    @override
+    def surface(self) -> float:
+        return 2.0 * math.pi * self.radius * (self.radius + self._axis()[2])
 
     @override
     def snapped(self, grid: Grid) -> tuple[Self, list[str]]:
@@ -356,6 +372,11 @@ class Polygon(Shape, name="polygon"):
     def measure(self) -> float:
         x, y = self._vertices().T
         return float(abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))) / 2.0)
+
+    @override
+    def surface(self) -> float:
+        v = self._vertices()
+        return float(np.linalg.norm(np.roll(v, -1, axis=0) - v, axis=1).sum())
 
     @override
     def snapped(self, grid: Grid) -> tuple[Self, list[str]]:

@@ -38,9 +38,7 @@ class Table(Initial, name="table"):
         unknown = set(columns) - {*AXES, *VELOCITIES, "p"}
         axes = [axis for axis in AXES if axis in columns]
         if unknown or axes not in (["x", "y"], ["x", "y", "z"]):
-            raise ValueError(
-                f"{self.file}: columns {', '.join(names)}; allowed: x, y and in 3D z, any of u, v, w, p"
-            )
+            raise ValueError(f"{self.file}: columns {', '.join(names)}; allowed: x, y and in 3D z, any of u, v, w, p")
         if not set(columns) - set(AXES):
             raise ValueError(f"{self.file}: no column of values; allowed: u, v, w, p")
         self._points = np.stack([columns[axis] for axis in axes], axis=1)

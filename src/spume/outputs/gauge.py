@@ -50,9 +50,7 @@ class Gauge(Scheme, family="gauge", selector="kind"):
             ValueError: another length.
         """
         if len(value) != dimension:
-            raise ValueError(
-                f"gauge {self.name!r}: {key} = {list(value)}: {dimension} numbers in {dimension}D"
-            )
+            raise ValueError(f"gauge {self.name!r}: {key} = {list(value)}: {dimension} numbers in {dimension}D")
         return np.asarray(value, dtype=float)
 
 

@@ -122,9 +122,7 @@ def view_of(sample: Sequence[vtkhdf.Frame], settings: OutputSettings) -> View:
 def _nice(value: float) -> float:
     """Return the smallest of 1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10 times a power of ten that is not below."""
     power = 10.0 ** np.floor(np.log10(value))
-    return float(
-        power * next(m for m in (1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10) if m * power >= value * (1 - 1e-9))
-    )
+    return float(power * next(m for m in (1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10) if m * power >= value * (1 - 1e-9)))
 
 
 def paint(frame: vtkhdf.Frame, view: View, shape: tuple[int, int], fine: bool = True) -> raster.Image:
@@ -240,10 +238,7 @@ class _Panels:
         tall = panel * aspect
         head = inch.head if title else 0.12
         height_all = (
-            head
-            + rows * (tall + inch.title)
-            + (rows - 1) * inch.gap
-            + inch.bottom * (rows if dimension == 2 else 1)
+            head + rows * (tall + inch.title) + (rows - 1) * inch.gap + inch.bottom * (rows if dimension == 2 else 1)
         )
         self.figure = _figure(width, height_all, dpi)
         self.shape = (max(round(tall * dpi), 2), max(round(panel * dpi), 2))
@@ -259,9 +254,7 @@ class _Panels:
                 self.axes.append(self.figure.add_axes((*corner, *size)))
             y -= inch.gap + (inch.bottom if dimension == 2 else 0.0)
         if title:
-            self.figure.text(
-                inch.left / width, 1.0 - 0.24 / height_all, title, fontsize=12, weight="bold", va="center"
-            )
+            self.figure.text(inch.left / width, 1.0 - 0.24 / height_all, title, fontsize=12, weight="bold", va="center")
         self._scale(width, height_all, inch, head)
         self.images: list[Any] = []
         self.times: list[Any] = []
@@ -477,9 +470,7 @@ class Pictures(Output):
         self.drawn: list[Path] = []
 
     def finish(self, run: RunLike) -> None:
-        self.drawn = draw_run(
-            run.folder, self.settings, self.references, str(getattr(run.case, "title", "") or "")
-        )
+        self.drawn = draw_run(run.folder, self.settings, self.references, str(getattr(run.case, "title", "") or ""))
 
 
 def draw_run(
@@ -495,9 +486,7 @@ def draw_run(
             drawn.append(_draw_snapshot(reader, folder / "snapshot.png", settings, title))
             if settings.animation != "none" and len(reader) > 2:
                 mp4 = settings.animation == "mp4" or (settings.animation == "auto" and shutil.which("ffmpeg"))
-                drawn.append(
-                    animate(reader, folder / f"animation.{'mp4' if mp4 else 'gif'}", settings, title)
-                )
+                drawn.append(animate(reader, folder / f"animation.{'mp4' if mp4 else 'gif'}", settings, title))
     with matplotlib.rc_context(_STYLE):
         drawn += plot_gauges(folder, GAUGE_FOLDER, _figure, references)
     return drawn

@@ -17,9 +17,7 @@ _OTHERS = (_SIMULATION, "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 _MEASURED = "#222222"
 
 
-def plot_gauge(
-    path: Path, file: Path, figure: Any, references: Sequence[Reference] = (), shift: float = 0.0
-) -> Path:
+def plot_gauge(path: Path, file: Path, figure: Any, references: Sequence[Reference] = (), shift: float = 0.0) -> Path:
     """Plot a gauge's columns over time, or against its references; return the picture.
 
     Args:
@@ -74,9 +72,7 @@ def _against(axes: Any, references: Sequence[Reference], folder: Path, shift: fl
             run.value,
             color=_OTHERS[number % len(_OTHERS)],
             linewidth=1.1,
-            label=f"Spume{shown}"
-            if len(references) == 1
-            else f"Spume, {reference.value or number + 1}{shown}",
+            label=f"Spume{shown}" if len(references) == 1 else f"Spume, {reference.value or number + 1}{shown}",
             zorder=3,
         )
         measured = reference.source or "measured"

@@ -56,8 +56,7 @@ def paint_cells(
         return owner.reshape(height, width), distance.reshape(height, width)
     reach = float(r.max())
     visible = np.flatnonzero(
-        np.all(np.isfinite(xy), axis=1)
-        & np.all((xy > -reach) & (xy < np.array([width, height]) + reach), axis=1)
+        np.all(np.isfinite(xy), axis=1) & np.all((xy > -reach) & (xy < np.array([width, height]) + reach), axis=1)
     )
     xy, r = xy[visible], r[visible]
     base = np.floor(xy).astype(np.int64)
@@ -148,9 +147,7 @@ class Camera:
         return 2.5 * float(np.linalg.norm(self.upper - self.lower))
 
     def _raw(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
-        seen: NDArray[np.float64] = (
-            np.asarray(points, dtype=float) - 0.5 * (self.lower + self.upper)
-        ) @ self.axes.T
+        seen: NDArray[np.float64] = (np.asarray(points, dtype=float) - 0.5 * (self.lower + self.upper)) @ self.axes.T
         depth = self.distance - seen[:, 2]
         return np.column_stack([seen[:, :2] * (self.distance / depth)[:, None], depth])
 

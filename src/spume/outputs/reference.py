@@ -237,9 +237,7 @@ def _errors(
         return np.zeros_like(wanted), np.zeros(0), int(wanted.sum())
     t, v = run.time[good] + shift, run.value[good]
     # What lies outside the simulated time by no more than the shift takes the nearest value.
-    reached = (
-        wanted & (series.time >= run.time[good][0] - 1e-9) & (series.time <= max(t[-1], run.time[good][-1]))
-    )
+    reached = wanted & (series.time >= run.time[good][0] - 1e-9) & (series.time <= max(t[-1], run.time[good][-1]))
     return reached, np.interp(series.time[reached], t, v) - series.value[reached], int(wanted.sum())
 
 

@@ -96,9 +96,7 @@ class Summary(Output):
             "wall_time_steps": wall_time_steps,
             "wall_time_compilation": compiling,
             "wall_time_outputs": self.clock.output_time if self.clock else 0.0,
-            "us_per_fluid_particle_step": (
-                1e6 * wall_time_steps / self._fluid_steps if self._fluid_steps else None
-            ),
+            "us_per_fluid_particle_step": (1e6 * wall_time_steps / self._fluid_steps if self._fluid_steps else None),
             "pressure_iterations_mean": float(np.mean(self._iterations)) if self._iterations else None,
             "pressure_iterations_max": max(self._iterations, default=None),
             "peak_memory_bytes": peak_memory(),

@@ -152,9 +152,7 @@ class Writer:
         self._file["VTKHDF/Steps"].attrs.create("NSteps", np.int64(0))
         self._file["VTKHDF/Steps/Values"].attrs["unit"] = "s"
 
-    def _dataset(
-        self, name: str, dtype: np.dtype[Any], shape: tuple[int, ...], rows: int, frames: bool = False
-    ) -> Any:
+    def _dataset(self, name: str, dtype: np.dtype[Any], shape: tuple[int, ...], rows: int, frames: bool = False) -> Any:
         """Make an empty dataset that grows along its first axis, in chunks of about ``rows`` rows."""
         import h5py
 
@@ -285,9 +283,7 @@ class Reader:
         self.units = {n: str(root[_dataset_name(n)].attrs.get("unit", "")) for n in self.fields}
         steps = root["Steps"]
         # A frame counts only if all that belongs to it is there (a copy may have been cut short).
-        self.count = min(
-            int(steps.attrs["NSteps"]), steps["Values"].shape[0], root["NumberOfPoints"].shape[0]
-        )
+        self.count = min(int(steps.attrs["NSteps"]), steps["Values"].shape[0], root["NumberOfPoints"].shape[0])
         self.times: NDArray[np.float64] = steps["Values"][: self.count]
 
     def __enter__(self) -> Reader:

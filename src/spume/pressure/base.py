@@ -29,7 +29,7 @@ class Solver(Scheme, family="solver"):
     """Whether the method needs a symmetric matrix."""
     needs: ClassVar[tuple[Field, ...]] = ()
 
-    tolerance: float = Parameter(default=1e-6, gt=0.0, lt=1.0)
+    tolerance: float = Parameter(default=1e-5, gt=0.0, lt=1.0)
     """Relative residual at which the iteration stops [1]."""
     largest_iterations: int = Parameter(default=10_000, ge=1)
     """Iterations after which it gives up [1]."""

@@ -74,9 +74,7 @@ def _kernels() -> Any:
         return s
 
     @kernels.func
-    def row_product(
-        start: Starts, length: Rows, column: Rows, value: Reals, diagonal: Reals, x: Reals, i: kernels.i32
-    ):  # type: ignore[no-untyped-def]
+    def row_product(start: Starts, length: Rows, column: Rows, value: Reals, diagonal: Reals, x: Reals, i: kernels.i32):  # type: ignore[no-untyped-def]
         product = diagonal[i] * x[i]
         first = start[i]
         for k in range(length[i]):
@@ -122,7 +120,7 @@ def _kernels() -> Any:
         x: Reals, diagonal: Reals, r: Reals, shadow: Reals, p: Reals, v: Reals, s: Reals, t: Reals, y: Reals,
         partial: Reals, scalars: Reals, running: Flag, tolerance: real, largest: kernels.i32, count: kernels.i32,
     ):  # fmt: skip
-        while kernels.do_while(running):
+        while qd.graph.do_while(running):
             # v is still the product of the iteration before; beta is 0 in the first.
             qd.loop_config(serialize=serial)
             for i in range(count):

@@ -32,9 +32,7 @@ class ConjugateGradient(Solver, name="cg"):
         """Solve for the unknown rows of ``pressure``."""
         start, iterate = _kernels()
         partial, scalars, running = _workspace()
-        vectors = [
-            particles[n] for n in ("pressure", "cg_residual", "cg_direction", "cg_product", "diagonal")
-        ]
+        vectors = [particles[n] for n in ("pressure", "cg_residual", "cg_direction", "cg_product", "diagonal")]
         matrix = [system.start, particles["row_length"], system.column, system.value]
         start(
             *matrix, *vectors, particles["rhs"], particles["row_state"], partial, scalars, running,
@@ -61,11 +59,13 @@ def solution(scalars: Any, solver: Solver) -> Solution:
         NotConverged: the residual is above the tolerance or not a number.
     """
     right, rest, iterations = float(scalars[0]), float(scalars[1]), int(scalars[4])
-    residual = float(np.sqrt(rest / right)) if right > 0 else 0.0
+    # A right side of zero has the solution zero; one that is not a number must not pass for it.
+    residual = 0.0 if right == 0.0 and np.isfinite(rest) else float(np.sqrt(np.divide(rest, right)))
     # The recurrence may stop a hair above the tolerance in rounding; twice that is a failure.
     if not residual <= 2.0 * solver.tolerance:
         raise NotConverged(
-            f"{solver.key}: relative residual {residual:.3g} after {iterations} iterations, tolerance {solver.tolerance:g}"
+            f"{solver.key}: relative residual {residual:.3g} after {iterations} iterations, "
+            f"tolerance {solver.tolerance:g}"
         )
     return Solution(iterations, residual)
 
@@ -163,9 +163,7 @@ def _kernels() -> Any:
         scalars[2] = rz
         scalars[1] = total(partial, blocks)
         scalars[4] += 1
-        running[None] = qd.cast(
-            scalars[1] > tolerance * tolerance * scalars[0] and scalars[4] < largest, qd.i32
-        )
+        running[None] = qd.cast(scalars[1] > tolerance * tolerance * scalars[0] and scalars[4] < largest, qd.i32)
 
     @kernels.func
     def turn(b: kernels.i32, r: Reals, p: Reals, diagonal: Reals, scalars: Reals, count: kernels.i32):  # type: ignore[no-untyped-def]
@@ -212,7 +210,7 @@ def _kernels() -> Any:
         x: Reals, r: Reals, p: Reals, q: Reals, diagonal: Reals,
         partial: Reals, scalars: Reals, running: Flag, tolerance: real, largest: kernels.i32, count: kernels.i32,
     ):  # fmt: skip
-        while kernels.do_while(running):
+        while qd.graph.do_while(running):
             for b in range(blocks):
                 product(b, start, length, column, value, p, q, diagonal, partial, count)
             for b in range(blocks):

@@ -60,8 +60,7 @@ class LinearSystem:
         laplacian.prepare(lattice, particles, pairs)
         reads = tuple(dict.fromkeys(("density", *laplacian.reads)))
         signature = tuple(
-            (n, particles.fields[n].value_shape(particles.dimension), particles.fields[n].dtype is int)
-            for n in reads
+            (n, particles.fields[n].value_shape(particles.dimension), particles.fields[n].dtype is int) for n in reads
         )
         kernel = _assembly_kernel(
             laplacian.coefficient, signature, laplacian.weight.function(), particles.dimension, pairs.periodic,
@@ -98,7 +97,8 @@ def _assembly_kernel(
     }  # fmt: skip
     parameters = [
         "position: Vectors", "state: Rows", "source: Reals", "pressure: Reals", "wall_gradient: Vectors",
-        "surface_diagonal: Reals", "surface_value: Reals", "pressure_gradient: Vectors", "surface_share: Reals", "diagonal: Reals", "rhs: Reals", "row_length: Rows", "grounded: Rows",
+        "surface_diagonal: Reals", "surface_value: Reals", "pressure_gradient: Vectors", "surface_share: Reals",
+        "diagonal: Reals", "rhs: Reals", "row_length: Rows", "grounded: Rows",
         "start: Starts", "length: Rows", "neighbour: Rows", "column: Rows", "value: Reals",
     ]  # fmt: skip
     for n, shape, integer in signature:
@@ -143,11 +143,7 @@ def _assembly_kernel(
         "                        tied = 1",
         "                    else:",
         "                        right += c * wall_gradient[j].dot(r)",
-        *(
-            ["            right -= (1.0 - surface_share[i]) * lean.dot(pressure_gradient[i])"]
-            if compensated
-            else []
-        ),
+        *(["            right -= (1.0 - surface_share[i]) * lean.dot(pressure_gradient[i])"] if compensated else []),
         "        diagonal[i] = total",
         "        rhs[i] = right",
         "        row_length[i] = used",

@@ -81,15 +81,11 @@ class PredictMoveProject(Step, name="predict-move-project"):
             self.wall_model.count_fluid(lattice, particles, pairs)
             self.free_surface(lattice, particles, pairs, self.number_density)
             self.wall_model.neumann(particles, dt)
-            self.source(
-                lattice, particles, pairs, dt, self.divergence, self.number_density, self.wall_model.mirror
-            )
+            self.source(lattice, particles, pairs, dt, self.divergence, self.number_density, self.wall_model.mirror)
         figures = solve_pressure(self, domain, outside)
         with stage("correction"):
             self.wall_model.extrapolate(lattice, particles, pairs)
-            self.gradient(
-                lattice, particles, pairs, over=self.wall_model.carriers, view=self.wall_model.view(dt)
-            )
+            self.gradient(lattice, particles, pairs, over=self.wall_model.carriers, view=self.wall_model.view(dt))
             row_map(copied_velocity, particles, out="velocity_before", rows=FLUID)
             row_map(corrected, particles, out="velocity", rows=FLUID, arguments=(dt,))
             self.wall_model.rest(particles)

@@ -75,15 +75,11 @@ class ProjectInPlace(Step, name="project-in-place"):
         outside = surface_pressure(self, domain, t)
         with stage("source"):
             self.wall_model.neumann(particles, dt)
-            self.source(
-                lattice, particles, pairs, dt, self.divergence, self.number_density, self.wall_model.mirror
-            )
+            self.source(lattice, particles, pairs, dt, self.divergence, self.number_density, self.wall_model.mirror)
         figures = solve_pressure(self, domain, outside)
         with stage("correction"):
             self.wall_model.extrapolate(lattice, particles, pairs)
-            self.gradient(
-                lattice, particles, pairs, over=self.wall_model.carriers, view=self.wall_model.view(dt)
-            )
+            self.gradient(lattice, particles, pairs, over=self.wall_model.carriers, view=self.wall_model.view(dt))
             row_map(corrected, particles, out="velocity", rows=FLUID, arguments=(dt,))
             self.wall_model.rest(particles)
             row_map(moved, particles, out="position", rows=FLUID, arguments=(dt,))

@@ -4,10 +4,9 @@ from typing import ClassVar
 
 from spume import kernels
 from spume.lattice import Lattice
-from spume.named import Scheme
 from spume.pairs import Pairs, PairView, pair_sum, pair_term, row_map, row_term
 from spume.particles import DUMMY, FLUID, SOLID, WALL, Field, Particles
-from spume.pressure.matrix import ABSENT, FLUX, KNOWN, UNKNOWN
+from spume.pressure.matrix import ABSENT, KNOWN, UNKNOWN
 from spume.schemes.operator import Operator
 from spume.wall_models.slip import SLIP_FIELDS, image_velocities
 

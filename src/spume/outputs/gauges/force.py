@@ -47,9 +47,7 @@ class Force(Gauge, name="force"):
     def measure(self, snapshot: Snapshot) -> dict[str, float]:
         l0, d = snapshot.spacing, snapshot.dimension
         index = snapshot.bodies.index(self.body)
-        rows = np.flatnonzero(
-            (np.asarray(snapshot["kind"]) == WALL) & (np.asarray(snapshot["body"]) == index)
-        )
+        rows = np.flatnonzero((np.asarray(snapshot["kind"]) == WALL) & (np.asarray(snapshot["body"]) == index))
         to_surface = np.asarray(snapshot["to_surface"], dtype=float)[rows]
         distance = np.linalg.norm(to_surface, axis=1)
         faced = (distance > 0.0) & (distance < 0.6 * l0)

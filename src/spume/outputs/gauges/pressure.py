@@ -112,9 +112,7 @@ class Pressure(Gauge, name="pressure"):
         return points[~_behind_a_wall(snapshot, points, centre)]
 
 
-def wet_rows(
-    snapshot: Snapshot, rows: NDArray[np.intp], fluid: NDArray[np.intp] | None = None
-) -> NDArray[np.bool_]:
+def wet_rows(snapshot: Snapshot, rows: NDArray[np.intp], fluid: NDArray[np.intp] | None = None) -> NDArray[np.bool_]:
     """Return which of these rows have fluid within 1.5 l0, shape (len(rows),).
 
     Args:
@@ -167,9 +165,7 @@ def point_pressure(
     return min(max(value, float(p.min())), float(p.max()))
 
 
-def _behind_a_wall(
-    snapshot: Snapshot, points: NDArray[np.float64], centre: NDArray[np.float64]
-) -> NDArray[np.bool_]:
+def _behind_a_wall(snapshot: Snapshot, points: NDArray[np.float64], centre: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return which points of a face lie inside a wall: behind the surface that is nearest to them."""
     position = np.asarray(snapshot["position"], dtype=float)
     to_surface = np.asarray(snapshot["to_surface"], dtype=float)

@@ -20,9 +20,7 @@ def mirrored(a, b, mirror):  # type: ignore[no-untyped-def]
 class Divergence(Operator, family="divergence"):
     """A model of the divergence of the velocity at fluid and wall rows."""
 
-    def __call__(
-        self, lattice: Lattice, particles: Particles, pairs: Pairs, out: str, mirror: bool = False
-    ) -> None:
+    def __call__(self, lattice: Lattice, particles: Particles, pairs: Pairs, out: str, mirror: bool = False) -> None:
         """Write the divergence of ``velocity`` [1/s] at fluid and wall rows into ``out``.
 
         Args:

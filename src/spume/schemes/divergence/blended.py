@@ -36,9 +36,7 @@ class Blended(Divergence, name="blended"):
     floor: float = Parameter(default=0.3, gt=0.0, le=1.0)
     """Least eigenvalue of the matrix that is inverted [1]."""
 
-    def __call__(
-        self, lattice: Lattice, particles: Particles, pairs: Pairs, out: str, mirror: bool = False
-    ) -> None:
+    def __call__(self, lattice: Lattice, particles: Particles, pairs: Pairs, out: str, mirror: bool = False) -> None:
         """Write the divergence of ``velocity`` [1/s] at fluid rows into ``out``."""
         bounded_correction_matrix(self, lattice, particles, pairs, ANY, self.floor)
         pair_sum(

@@ -32,9 +32,7 @@ class Corrected(Divergence, name="corrected"):
     largest_condition: float = 1e3
     """Largest condition number of the matrix; above it a row falls back to C = I [1]."""
 
-    def __call__(
-        self, lattice: Lattice, particles: Particles, pairs: Pairs, out: str, mirror: bool = False
-    ) -> None:
+    def __call__(self, lattice: Lattice, particles: Particles, pairs: Pairs, out: str, mirror: bool = False) -> None:
         """Write the divergence of ``velocity`` [1/s] at fluid and wall rows into ``out``."""
         correction_matrix(self, lattice, particles, pairs, ANY, self.largest_condition)
         pair_sum(

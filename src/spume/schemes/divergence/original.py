@@ -28,9 +28,7 @@ class Original(Divergence, name="original"):
     reference: ClassVar = "koshizuka1996"
     order: ClassVar = 0
 
-    def __call__(
-        self, lattice: Lattice, particles: Particles, pairs: Pairs, out: str, mirror: bool = False
-    ) -> None:
+    def __call__(self, lattice: Lattice, particles: Particles, pairs: Pairs, out: str, mirror: bool = False) -> None:
         """Write the divergence of ``velocity`` [1/s] at fluid and wall rows into ``out``."""
         pair_sum(
             approach, particles, pairs, out=out, weight=self.weight, re=self.radius(lattice), rows=FLUID | WALL,

@@ -7,7 +7,6 @@ from spume.pairs import Pairs
 from spume.particles import Field, Particles
 from spume.schemes.operator import Operator
 
-
 SURFACE_SHARE = Field("surface_share", (), "1", "0 inside the fluid … 1 on the free surface")
 
 

@@ -1,6 +1,6 @@
 """The gradient model with the smallest neighbouring value, which only repels."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from spume.lattice import Lattice
 from spume.pairs import Pairs, PairView, pair_min, pair_sum, pair_term
@@ -27,7 +27,9 @@ def above_smallest(a, b, r, w, scale):  # type: ignore[no-untyped-def]
 
 
 class Minimum(Gradient, name="minimum"):
-    """<grad P>_i = d/n0 sum_j (P_j - Pmin_i)/r^2 r_ij W, Pmin_i the least of P_i and the P_j (Koshizuka 1998; review Eq. 8).
+    """<grad P>_i = d/n0 sum_j (P_j - Pmin_i)/r^2 r_ij W (Koshizuka 1998; review Eq. 8).
+
+    Pmin_i is the least of P_i and the P_j.
 
     Every pair repels, which keeps particles apart without shifting. Not even constants on an irregular
     arrangement are exact once pressures differ, so it is noisy; unusable where pressure is negative (tension).
@@ -43,7 +45,7 @@ class Minimum(Gradient, name="minimum"):
         phi: str = "pressure", out: str = "pressure_gradient", over: int = ANY, view: PairView | None = None,
     ) -> None:  # fmt: skip
         """Write the gradient of ``phi`` at fluid rows into ``out``; dummies are no candidates for the minimum."""
-        reach = {"weight": self.weight, "re": self.radius(lattice), "fields": {"value": phi}, "view": view}
+        reach: dict[str, Any] = {"weight": self.weight, "re": self.radius(lattice), "fields": {"value": phi}, "view": view}
         pair_min(neighbour_value, particles, pairs, out="smallest_value", over=over & (FLUID | WALL), **reach)
         pair_sum(
             above_smallest, particles, pairs, out=out, over=over,

@@ -19,7 +19,7 @@ class Original(Laplacian, name="original"):
     leave an error that does not vanish with l0.
     """
 
-    ids: ClassVar = ("A3", "C1")
+    ids: ClassVar[tuple[str, ...]] = ("A3", "C1")
     reference: ClassVar = "koshizuka1996"
     order: ClassVar = 0
     conserves: ClassVar = frozenset({"flux"})

@@ -4,7 +4,6 @@ from typing import Any, ClassVar
 
 from pydantic import Field as Parameter
 
-from spume import kernels
 from spume.lattice import Lattice
 from spume.pairs import Pairs, pair_sum, pair_term, row_map, row_term
 from spume.particles import ANY, FLUID, Field, Particles

@@ -28,6 +28,4 @@ class Density(Source, name="density"):
         divergence: Any, number_density: Any, mirror: bool,
     ) -> None:  # fmt: skip
         """Write ``source`` of fluid and wall rows."""
-        row_map(
-            deviation, particles, out="source", rows=FLUID | WALL, arguments=(number_density.n0(lattice), dt)
-        )
+        row_map(deviation, particles, out="source", rows=FLUID | WALL, arguments=(number_density.n0(lattice), dt))

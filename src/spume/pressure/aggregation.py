@@ -1,0 +1,466 @@
+"""Levels of the multigrid method: aggregates of rows in background cells, and Galerkin matrices of them.
+
+Rows of the first coarse level are cells two particle spacings wide, cells of every further level are
+twice as wide (bucket-based aggregation, Södersten, Matsunaga & Koshizuka 2019). Beyond the first level
+an aggregate holds only rows that the matrix connects, so that two pools beside a wall stay apart; a row
+without a connection left is solved by its diagonal alone and is in no aggregate. So each connected part
+of the water ends as one such row, and the coarsest level needs no special solver.
+"""
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+from spume import kernels
+from spume.pressure.matrix import UNKNOWN
+
+LEVELS = 20
+"""Levels that there is room for; cells double 18 times before they are used up."""
+CELL = 2.0
+"""Width of the first level's cells [l0]."""
+PARALLEL_ROWS = 25_000
+"""Levels with fewer rows are worked on by one thread: waking the others costs more than it saves."""
+
+# Words of the table: first row and number of rows of each level, then these.
+_COUNTERS = 2 * (LEVELS + 1)
+DEPTH, SLOTS, OVERFLOW, SHAPE = _COUNTERS, _COUNTERS + 1, _COUNTERS + 2, _COUNTERS + 3
+TABLE = _COUNTERS + 6
+TOO_FEW_ROWS, TOO_FEW_SLOTS = 1, 2
+
+
+def blocks() -> int:
+    """Return how many blocks of rows are worked on side by side on a level that is large enough."""
+    runtime = kernels.runtime()
+    return 1 if runtime.serial else 1024 if runtime.device != "cpu" else 16 * runtime.threads
+
+
+@kernels.cached
+def level_type() -> Any:
+    """Return the type that holds the arrays of the particles' level, or of all coarse levels one after another."""
+    real = kernels.runtime().real
+    Reals, Rows, Starts = (kernels.array_type(t) for t in (real, kernels.i32, kernels.i64))
+
+    @dataclass
+    class Level:
+        row: Rows  # type: ignore[valid-type]  # rows that have an equation, in ascending order
+        start: Starts  # type: ignore[valid-type]  # first slot of a row
+        lower: Rows  # type: ignore[valid-type]  # entries of a row with columns before it in its block come first,
+        upper: Rows  # type: ignore[valid-type]  # from here on stand those behind it in its block,
+        length: Rows  # type: ignore[valid-type]  # between the two those in other blocks
+        column: Rows  # type: ignore[valid-type]
+        value: Reals  # type: ignore[valid-type]
+        diagonal: Reals  # type: ignore[valid-type]
+        inverse: Reals  # type: ignore[valid-type]  # of the diagonal; 0 for a row that has no equation
+        aggregate: Rows  # type: ignore[valid-type]  # row of the next level, -1 for none
+        member: Rows  # type: ignore[valid-type]  # rows of this level by aggregate
+        first: Rows  # type: ignore[valid-type]  # members of a row of the level before: first,
+        last: Rows  # type: ignore[valid-type]  # behind the last
+        cell: Rows  # type: ignore[valid-type]
+        right: Reals  # type: ignore[valid-type]  # right side, or what remains of it
+        old: Reals  # type: ignore[valid-type]  # correction before,
+        new: Reals  # type: ignore[valid-type]  # and after the last sweep
+        image: Reals  # type: ignore[valid-type]  # A new
+        kept: Reals  # type: ignore[valid-type]  # first direction of the inner iteration
+
+    return Level
+
+
+@kernels.cached
+def scratch_type() -> Any:
+    """Return the type that holds what the building of levels needs for a while."""
+    Rows = kernels.array_type(kernels.i32)
+
+    @dataclass
+    class Scratch:
+        begin: Rows  # type: ignore[valid-type]  # first row of a cell
+        cursor: Rows  # type: ignore[valid-type]
+        base: Rows  # type: ignore[valid-type]  # first aggregate of a cell
+        order: Rows  # type: ignore[valid-type]  # rows by cell
+        label: Rows  # type: ignore[valid-type]  # smallest connected row of the same cell
+        marker: Rows  # type: ignore[valid-type]  # slot of a column
+        sums: Rows  # type: ignore[valid-type]
+
+    return Scratch
+
+
+@kernels.cached
+def stages() -> Any:
+    """Return the stages of building a level, as functions of one block of rows, cells or aggregates."""
+    qd, real = kernels.qd, kernels.runtime().real
+    i32, i64 = kernels.i32, kernels.i64
+    Level, Scratch = level_type(), scratch_type()
+    Rows = kernels.array_type(i32)
+    tiny = 1e-10 if kernels.runtime().precision == "double" else 1e-4
+
+    @kernels.func
+    def bound(b: i32, parts: i32, n: i32):  # type: ignore[no-untyped-def]
+        return qd.cast(qd.cast(n, i64) * b // parts, i32)
+
+    @kernels.func
+    def arrange(level: Level, at: i32, own: i32, begin: i32, end: i32):  # type: ignore[no-untyped-def, valid-type]
+        """Bring a row's entries into the order before, elsewhere, behind (columns of begin … end are the block)."""
+        row = at + own
+        first = level.start[row]
+        n = level.length[row]
+        lower = 0
+        k = 0
+        upper = n
+        while k < upper:
+            j = level.column[first + k]
+            if j >= begin and j < own:
+                if k != lower:
+                    level.column[first + k] = level.column[first + lower]
+                    level.column[first + lower] = j
+                    v = level.value[first + k]
+                    level.value[first + k] = level.value[first + lower]
+                    level.value[first + lower] = v
+                lower += 1
+                k += 1
+            elif j > own and j < end:
+                # Entries come in ascending order: from the end, only those that must move are moved.
+                upper -= 1
+                m = level.column[first + upper]
+                while upper > k and m > own and m < end:
+                    upper -= 1
+                    m = level.column[first + upper]
+                if upper > k:
+                    level.column[first + upper] = j
+                    level.column[first + k] = m
+                    v = level.value[first + k]
+                    level.value[first + k] = level.value[first + upper]
+                    level.value[first + upper] = v
+            else:
+                k += 1
+        level.lower[row] = lower
+        level.upper[row] = upper
+
+    @kernels.func
+    def arrange_rows(b: i32, parts: i32, level: Level, at: i32, n: i32):  # type: ignore[no-untyped-def, valid-type]
+        begin = bound(b, parts, n)
+        end = bound(b + 1, parts, n)
+        if begin < end:
+            low = level.row[at + begin]
+            high = level.row[at + end - 1] + 1
+            for t in range(begin, end):
+                arrange(level, at, level.row[at + t], low, high)
+
+    @kernels.func
+    def zero(b: i32, parts: i32, data: Rows, n: i32, value: i32):  # type: ignore[no-untyped-def, valid-type]
+        for c in range(bound(b, parts, n), bound(b + 1, parts, n)):
+            data[c] = value
+
+    @kernels.func
+    def shape(table: Rows, level: i32, axis: i32):  # type: ignore[no-untyped-def, valid-type]
+        return ((table[SHAPE + axis] - 1) >> level) + 1
+
+    @kernels.func
+    def cells(table: Rows, level: i32):  # type: ignore[no-untyped-def, valid-type]
+        return shape(table, level, 0) * shape(table, level, 1) * shape(table, level, 2)
+
+    @kernels.func
+    def place(b: i32, parts: i32, level: Level, at: i32, n: i32, k: i32, scratch: Scratch, table: Rows):  # type: ignore[no-untyped-def, valid-type]
+        """Count the rows of coarse level k into cells twice as wide, which stand in ``aggregate`` for a while."""
+        s0 = shape(table, k - 1, 0)
+        s1 = shape(table, k - 1, 1)
+        t0 = shape(table, k, 0)
+        t1 = shape(table, k, 1)
+        for i in range(at + bound(b, parts, n), at + bound(b + 1, parts, n)):
+            c = -1
+            if level.length[i] > 0:
+                old = level.cell[i]
+                c = (old % s0) // 2 + t0 * ((old // s0 % s1) // 2 + t1 * (old // (s0 * s1) // 2))
+                qd.atomic_add(scratch.cursor[c], 1)
+            level.aggregate[i] = c
+
+    @kernels.func
+    def scan(n: i32, counts: Rows, start: Rows):  # type: ignore[no-untyped-def, valid-type]
+        """Exclusive sums of counts; counts end up equal to the starts, to serve as cursors."""
+        total = 0
+        for c in range(n):
+            own = counts[c]
+            start[c] = total
+            counts[c] = total
+            total += own
+        start[n] = total
+        return total
+
+    @kernels.func
+    def scatter(b: i32, parts: i32, level: Level, at: i32, n: i32, scratch: Scratch):  # type: ignore[no-untyped-def, valid-type]
+        for t in range(bound(b, parts, n), bound(b + 1, parts, n)):
+            i = level.row[at + t]
+            c = level.aggregate[at + i]
+            if c >= 0:
+                scratch.order[qd.atomic_add(scratch.cursor[c], 1)] = i
+
+    @kernels.func
+    def split(b: i32, parts: i32, level: Level, at: i32, n: i32, apart: i32, scratch: Scratch):  # type: ignore[no-untyped-def, valid-type]
+        """Count the aggregates of each cell; ``apart``: one for each connected part, else one."""
+        for c in range(bound(b, parts, n), bound(b + 1, parts, n)):
+            begin = scratch.begin[c]
+            end = scratch.begin[c + 1]
+            # The order must not depend on which thread came first.
+            for s in range(begin + 1, end):
+                row = scratch.order[s]
+                t = s - 1
+                while t >= begin and scratch.order[qd.max(t, 0)] > row:
+                    scratch.order[t + 1] = scratch.order[t]
+                    t -= 1
+                scratch.order[t + 1] = row
+            found = qd.cast(end > begin, i32)
+            if apart == 1 and end > begin + 1:
+                for s in range(begin, end):
+                    scratch.label[scratch.order[s]] = scratch.order[s]
+                changed = 1
+                while changed == 1:
+                    changed = 0
+                    for s in range(begin, end):
+                        i = scratch.order[s]
+                        least = scratch.label[i]
+                        first = level.start[at + i]
+                        for k in range(level.length[at + i]):
+                            j = level.column[first + k]
+                            if level.aggregate[at + j] == c:
+                                least = qd.min(least, scratch.label[j])
+                        if least < scratch.label[i]:
+                            scratch.label[i] = least
+                            changed = 1
+                found = 0
+                for s in range(begin, end):
+                    if scratch.label[scratch.order[s]] == scratch.order[s]:
+                        found += 1
+            elif found == 1:
+                # A cell's only aggregate needs no labels: its first row stands for all.
+                for s in range(begin, end):
+                    scratch.label[scratch.order[s]] = scratch.order[begin]
+            scratch.cursor[c] = found
+
+    @kernels.func
+    def number(
+        b: i32, parts: i32, level: Level, at: i32, coarse: Level, to: i32, n: i32, scratch: Scratch,  # type: ignore[valid-type]
+    ):  # fmt: skip
+        """Number the aggregates of each cell and list their rows."""
+        for c in range(bound(b, parts, n), bound(b + 1, parts, n)):
+            begin = scratch.begin[c]
+            end = scratch.begin[c + 1]
+            own = scratch.base[c]
+            at_member = begin
+            for s in range(begin, end):
+                root = scratch.order[s]
+                if scratch.label[root] == root:
+                    coarse.first[to + own] = at_member
+                    for t in range(s, end):
+                        i = scratch.order[t]
+                        if scratch.label[i] == root:
+                            level.member[at + at_member] = i
+                            level.aggregate[at + i] = own
+                            at_member += 1
+                    coarse.last[to + own] = at_member
+                    coarse.cell[to + own] = c
+                    own += 1
+
+    @kernels.func
+    def combine(
+        b: i32, parts: i32, level: Level, at: i32, coarse: Level, to: i32, n: i32, slots: i32, room: i32,  # type: ignore[valid-type]
+        scratch: Scratch, table: Rows,  # type: ignore[valid-type]
+    ):  # fmt: skip
+        """Sum the rows and columns of each aggregate; a block's rows lie packed in its stretch of the slots."""
+        begin = bound(b, parts, n)
+        end = bound(b + 1, parts, n)
+        cursor = slots + qd.cast(qd.cast(room, i64) * b // parts, i32)
+        limit = slots + qd.cast(qd.cast(room, i64) * (b + 1) // parts, i32)
+        marker = b * n
+        for c in range(n):
+            scratch.marker[marker + c] = -1
+        for own in range(begin, end):
+            first = cursor
+            total = qd.cast(0, real)
+            size = qd.cast(0, real)
+            for s in range(coarse.first[to + own], coarse.last[to + own]):
+                i = at + level.member[at + s]
+                total += level.diagonal[i]
+                size += level.diagonal[i]
+                start = level.start[i]
+                for k in range(level.length[i]):
+                    j = level.aggregate[at + level.column[start + k]]
+                    v = level.value[start + k]
+                    if j == own:
+                        total += v
+                    elif j >= 0:
+                        m = scratch.marker[marker + j]
+                        if m >= first:
+                            coarse.value[m] += v
+                        elif cursor < limit:
+                            scratch.marker[marker + j] = cursor
+                            coarse.column[cursor] = j
+                            coarse.value[cursor] = v
+                            cursor += 1
+                        else:
+                            qd.atomic_or(table[OVERFLOW], TOO_FEW_SLOTS)
+            row = to + own
+            coarse.start[row] = first
+            coarse.length[row] = cursor - first
+            coarse.diagonal[row] = total
+            # Without a tie to a known pressure an aggregate that stands alone has no equation left.
+            coarse.inverse[row] = qd.select(total > tiny * size, 1 / qd.max(total, tiny * size), qd.cast(0, real))
+            coarse.row[row] = own
+        return cursor
+
+    return SimpleNamespace(
+        bound=bound, arrange_rows=arrange_rows, zero=zero, shape=shape, cells=cells, place=place, scan=scan, scatter=scatter,
+        split=split, number=number, combine=combine,
+    )  # fmt: skip
+
+
+@kernels.cached
+def particle_stages(d: int) -> Any:
+    """Return the stages that read positions: the bounds of the unknown rows and their cells."""
+    qd, real = kernels.qd, kernels.runtime().real
+    i32 = kernels.i32
+    Level, Scratch = level_type(), scratch_type()
+    Rows, Vectors = (kernels.array_type(t) for t in (i32, kernels.vector(d)))
+    shared = stages()
+    bound = shared.bound
+    huge = 1e30
+
+    @kernels.func
+    def survey(
+        b: i32, parts: i32, position: Vectors, state: Rows, low: Vectors, high: Vectors, counts: Rows, n: i32,  # type: ignore[valid-type]
+    ):  # fmt: skip
+        """Count the unknown rows and find their bounds."""
+        lowest = position[0] * 0 + huge
+        highest = position[0] * 0 - huge
+        found = 0
+        for i in range(bound(b, parts, n), bound(b + 1, parts, n)):
+            if state[i] == UNKNOWN:
+                lowest = qd.min(lowest, position[i])
+                highest = qd.max(highest, position[i])
+                found += 1
+        low[b] = lowest
+        high[b] = highest
+        counts[b] = found
+
+    @kernels.func
+    def grid(parts: i32, low: Vectors, high: Vectors, counts: Rows, table: Rows, cell: real, most: i32):  # type: ignore[no-untyped-def, valid-type]
+        """Choose the cells of the first level; where there would be too many, far apart ones are one."""
+        lowest = low[0]
+        highest = high[0]
+        total = 0
+        for b in range(parts):
+            lowest = qd.min(lowest, low[b])
+            highest = qd.max(highest, high[b])
+            own = counts[b]
+            counts[b] = total
+            total += own
+        low[0] = lowest
+        table[0] = 0
+        table[1] = total
+        table[DEPTH] = 1
+        table[SLOTS] = 0
+        table[OVERFLOW] = 0
+        for axis in range(3):
+            table[SHAPE + axis] = 1
+        for axis in kernels.static(range(d)):
+            extent = (highest[axis] - lowest[axis]) / cell
+            table[SHAPE + axis] = qd.cast(qd.min(qd.max(extent, 0.0), 1e6), i32) + 2
+        while qd.cast(table[SHAPE], qd.i64) * table[SHAPE + 1] * table[SHAPE + 2] > most:
+            longest = 0
+            for axis in range(3):
+                if table[SHAPE + axis] > table[SHAPE + longest]:
+                    longest = axis
+            table[SHAPE + longest] = table[SHAPE + longest] // 2
+
+    @kernels.func
+    def place_particles(
+        b: i32, parts: i32, level: Level, position: Vectors, state: Rows, low: Vectors, counts: Rows, scratch: Scratch,  # type: ignore[valid-type]
+        table: Rows, cell: real, n: i32,  # type: ignore[valid-type]
+    ):  # fmt: skip
+        """List the unknown rows and count the connected ones into the cells of the first level."""
+        # Cells are aligned to multiples of their width, so that they move only as a whole.
+        origin = qd.floor(low[0] / cell)
+        found = counts[b]
+        for i in range(bound(b, parts, n), bound(b + 1, parts, n)):
+            c = -1
+            inverse = qd.cast(0, real)
+            if state[i] == UNKNOWN:
+                level.row[found] = i
+                found += 1
+                if level.diagonal[i] > 0:
+                    inverse = 1 / level.diagonal[i]
+                if level.length[i] > 0:
+                    index = qd.floor(position[i] / cell) - origin
+                    c = 0
+                    for q in kernels.static(range(d)):
+                        axis = kernels.static(d - 1 - q)
+                        s = table[SHAPE + axis]
+                        c = c * s + qd.cast(index[axis], i32) % s
+                    qd.atomic_add(scratch.cursor[c], 1)
+            level.inverse[i] = inverse
+            level.aggregate[i] = c
+
+    return SimpleNamespace(survey=survey, grid=grid, place_particles=place_particles)
+
+
+@kernels.cached
+def coarsening() -> Any:
+    """Return the function that builds level k + 1 from level k in one thread."""
+    i32 = kernels.i32
+    Level, Scratch = level_type(), scratch_type()
+    Rows = kernels.array_type(i32)
+    s = stages()
+
+    @kernels.func
+    def coarsen(level: Level, coarse: Level, scratch: Scratch, table: Rows, k: i32, rows: i32, slots: i32):  # type: ignore[no-untyped-def, valid-type]
+        """Build level k + 1 once the rows of level k are counted into cells."""
+        at = table[2 * k]
+        to = at + table[2 * k + 1]
+        if k == 0:
+            to = 0
+        n = s.cells(table, k)
+        s.scan(n, scratch.cursor, scratch.begin)
+        s.scatter(0, 1, level, at, table[2 * k + 1], scratch)
+        s.split(0, 1, level, at, n, kernels.qd.min(k, 1), scratch)
+        found = s.scan(n, scratch.cursor, scratch.base)
+        table[2 * k + 2] = to
+        table[2 * k + 3] = found
+        if to + found > rows:
+            table[OVERFLOW] |= TOO_FEW_ROWS
+        elif found > 0:
+            s.number(0, 1, level, at, coarse, to, n, scratch)
+            used = table[SLOTS]
+            table[SLOTS] = s.combine(0, 1, level, at, coarse, to, found, used, slots - used, scratch, table)
+            s.arrange_rows(0, 1, coarse, to, found)
+            table[DEPTH] = k + 2
+
+    return coarsen
+
+
+@kernels.cached
+def build_in_one_thread(d: int) -> Any:
+    """Return the kernel that builds all levels in one go."""
+    qd, real = kernels.qd, kernels.runtime().real
+    i32 = kernels.i32
+    Level, Scratch = level_type(), scratch_type()
+    Rows, Vectors = kernels.array_type(i32), kernels.array_type(kernels.vector(d))
+    s, p, coarsen = stages(), particle_stages(d), coarsening()
+
+    @kernels.kernel
+    def build_levels(
+        level: Level, coarse: Level, scratch: Scratch, table: Rows, low: Vectors, high: Vectors, position: Vectors,  # type: ignore[valid-type]
+        state: Rows, cell: real, count: i32, rows: i32, slots: i32, most: i32,  # type: ignore[valid-type]
+    ):  # fmt: skip
+        qd.loop_config(serialize=True)
+        for _ in range(1):
+            p.survey(0, 1, position, state, low, high, scratch.sums, count)
+            p.grid(1, low, high, scratch.sums, table, cell, most)
+            s.zero(0, 1, scratch.cursor, s.cells(table, 0), 0)
+            p.place_particles(0, 1, level, position, state, low, scratch.sums, scratch, table, cell, count)
+            s.arrange_rows(0, 1, level, 0, table[1])
+            coarsen(level, coarse, scratch, table, 0, rows, slots)
+            k = 1
+            while table[DEPTH] == k + 1 and table[OVERFLOW] == 0 and k < LEVELS:
+                s.zero(0, 1, scratch.cursor, s.cells(table, k), 0)
+                s.place(0, 1, coarse, table[2 * k], table[2 * k + 1], k, scratch, table)
+                coarsen(coarse, coarse, scratch, table, k, rows, slots)
+                k += 1
+
+    return build_levels

@@ -1,0 +1,342 @@
+"""The multigrid cycle and the flexible conjugate gradients around it.
+
+A sweep forward from zero before and a sweep backward after the coarse correction are Gauss-Seidel inside
+a block of rows and Jacobi between blocks, so that the result does not depend on threads. Every product
+with the matrix is taken from what a sweep leaves over: a cycle and its image cost two and a half products.
+"""
+
+from types import SimpleNamespace
+from typing import Any
+
+from spume import kernels
+from spume.pressure.aggregation import level_type, stages
+
+SMOOTH, RESTRICT, CORRECT, POLISH, FIRST, SECOND = range(6)
+"""Operations on a level that a program consists of."""
+
+# Scalars of the outer iteration; from SCALARS on, four of each level.
+RIGHT, REST, IMAGE_OF_DIRECTION, ITERATIONS, STEP, TURN = 0, 1, 2, 4, 5, 6
+SCALARS = 8
+
+
+def program(depth: int, inner: int) -> list[tuple[int, int]]:
+    """Return the operations that solve on level 1, as (operation, level).
+
+    Args:
+        depth: number of levels, the particles' included.
+        inner: on levels up to this one the coarse problem is solved by two steps of flexible conjugate
+            gradients (K-cycle, Notay & Vassilevski 2008), below by one cycle.
+    """
+    operations: list[tuple[int, int]] = []
+
+    def cycle(level: int) -> None:
+        operations.append((SMOOTH, level))
+        if level + 1 < depth:
+            operations.append((RESTRICT, level))
+            solve(level + 1)
+            operations.append((CORRECT, level))
+        operations.append((POLISH, level))
+
+    def solve(level: int) -> None:
+        cycle(level)
+        # On the last level every row stands alone: one cycle is exact.
+        if level <= inner and level + 1 < depth:
+            operations.append((FIRST, level))
+            cycle(level)
+            operations.append((SECOND, level))
+
+    if depth > 1:
+        solve(1)
+    return operations
+
+
+@kernels.cached
+def cycle_stages() -> Any:
+    """Return the parts of the cycle, as functions of one block of rows."""
+    qd, real = kernels.qd, kernels.runtime().real
+    i32 = kernels.i32
+    Level = level_type()
+    Reals = kernels.array_type(real)
+    bound = stages().bound
+
+    @kernels.func
+    def smooth(b: i32, parts: i32, level: Level, at: i32, n: i32):  # type: ignore[no-untyped-def, valid-type]
+        for t in range(at + bound(b, parts, n), at + bound(b + 1, parts, n)):
+            i = at + level.row[t]
+            s = level.right[i]
+            first = level.start[i]
+            for k in range(level.lower[i]):
+                s -= level.value[first + k] * level.old[at + level.column[first + k]]
+            level.old[i] = s * level.inverse[i]
+
+    @kernels.func
+    def restrict(b: i32, parts: i32, level: Level, at: i32, coarse: Level, to: i32, n: i32):  # type: ignore[no-untyped-def, valid-type]
+        """Sum what the sweep left over in each aggregate: the entries that it did not see."""
+        for own in range(to + bound(b, parts, n), to + bound(b + 1, parts, n)):
+            s = qd.cast(0, real)
+            for m in range(coarse.first[own], coarse.last[own]):
+                i = at + level.member[at + m]
+                first = level.start[i]
+                for k in range(level.lower[i], level.length[i]):
+                    s -= level.value[first + k] * level.old[at + level.column[first + k]]
+            coarse.right[own] = s
+
+    @kernels.func
+    def correct(b: i32, parts: i32, level: Level, at: i32, n: i32, coarse: Level, to: i32):  # type: ignore[no-untyped-def, valid-type]
+        for t in range(at + bound(b, parts, n), at + bound(b + 1, parts, n)):
+            i = at + level.row[t]
+            c = level.aggregate[i]
+            if c >= 0:
+                level.old[i] += coarse.new[to + c]
+
+    @kernels.func
+    def polish(b: i32, parts: i32, level: Level, at: i32, n: i32):  # type: ignore[no-untyped-def, valid-type]
+        begin = at + bound(b, parts, n)
+        end = at + bound(b + 1, parts, n)
+        for backward in range(end - begin):
+            i = at + level.row[end - 1 - backward]
+            s = level.right[i]
+            first = level.start[i]
+            for k in range(level.upper[i]):
+                s -= level.value[first + k] * level.old[at + level.column[first + k]]
+            for k in range(level.upper[i], level.length[i]):
+                s -= level.value[first + k] * level.new[at + level.column[first + k]]
+            level.new[i] = s * level.inverse[i]
+
+    @kernels.func
+    def image_of(level: Level, at: i32, i: i32):  # type: ignore[no-untyped-def, valid-type]
+        """Return row i of A new: what ``polish`` did not balance is the change of the entries it took from ``old``."""
+        s = level.right[i]
+        first = level.start[i]
+        for k in range(level.upper[i]):
+            j = at + level.column[first + k]
+            s += level.value[first + k] * (level.new[j] - level.old[j])
+        return s
+
+    @kernels.func
+    def first_products(b: i32, parts: i32, level: Level, at: i32, n: i32, partial: Reals):  # type: ignore[no-untyped-def, valid-type]
+        energy = qd.cast(0, real)
+        share = qd.cast(0, real)
+        for t in range(at + bound(b, parts, n), at + bound(b + 1, parts, n)):
+            i = at + level.row[t]
+            s = image_of(level, at, i)
+            level.image[i] = s
+            energy += s * level.new[i]
+            share += level.right[i] * level.new[i]
+        partial[3 * b] = energy
+        partial[3 * b + 1] = share
+
+    @kernels.func
+    def second_products(b: i32, parts: i32, level: Level, at: i32, n: i32, partial: Reals):  # type: ignore[no-untyped-def, valid-type]
+        energy = qd.cast(0, real)
+        share = qd.cast(0, real)
+        overlap = qd.cast(0, real)
+        for t in range(at + bound(b, parts, n), at + bound(b + 1, parts, n)):
+            i = at + level.row[t]
+            energy += image_of(level, at, i) * level.new[i]
+            share += level.right[i] * level.new[i]
+            overlap += level.image[i] * level.new[i]
+        partial[3 * b] = energy
+        partial[3 * b + 1] = share
+        partial[3 * b + 2] = overlap
+
+    @kernels.func
+    def total(partial: Reals, parts: i32, which: i32):  # type: ignore[no-untyped-def, valid-type]
+        s = qd.cast(0, real)
+        for b in range(parts):
+            s += partial[3 * b + which]
+        return s
+
+    @kernels.func
+    def ratio(a: real, b: real):  # type: ignore[no-untyped-def, valid-type]
+        """Return a/b, 0 where b is not positive: the search direction is then left out."""
+        return qd.select(b > 0, a / qd.select(b > 0, b, qd.cast(1, real)), qd.cast(0, real))
+
+    @kernels.func
+    def first_scalars(parts: i32, level: i32, partial: Reals, scalars: Reals):  # type: ignore[no-untyped-def, valid-type]
+        energy = total(partial, parts, 0)
+        scalars[SCALARS + 4 * level] = energy
+        scalars[SCALARS + 4 * level + 1] = ratio(total(partial, parts, 1), energy)
+
+    @kernels.func
+    def first_step(b: i32, parts: i32, level: Level, at: i32, n: i32, number: i32, scalars: Reals):  # type: ignore[no-untyped-def, valid-type]
+        step = scalars[SCALARS + 4 * number + 1]
+        for t in range(at + bound(b, parts, n), at + bound(b + 1, parts, n)):
+            i = at + level.row[t]
+            level.right[i] -= step * level.image[i]
+            level.kept[i] = level.new[i]
+
+    @kernels.func
+    def second_scalars(parts: i32, level: i32, partial: Reals, scalars: Reals):  # type: ignore[no-untyped-def, valid-type]
+        energy = scalars[SCALARS + 4 * level]
+        overlap = total(partial, parts, 2)
+        step = ratio(total(partial, parts, 1), total(partial, parts, 0) - overlap * ratio(overlap, energy))
+        scalars[SCALARS + 4 * level + 2] = step
+        scalars[SCALARS + 4 * level + 3] = scalars[SCALARS + 4 * level + 1] - step * ratio(overlap, energy)
+
+    @kernels.func
+    def second_step(b: i32, parts: i32, level: Level, at: i32, n: i32, number: i32, scalars: Reals):  # type: ignore[no-untyped-def, valid-type]
+        step = scalars[SCALARS + 4 * number + 2]
+        kept = scalars[SCALARS + 4 * number + 3]
+        for t in range(at + bound(b, parts, n), at + bound(b + 1, parts, n)):
+            i = at + level.row[t]
+            level.new[i] = kept * level.kept[i] + step * level.new[i]
+
+    return SimpleNamespace(
+        smooth=smooth, restrict=restrict, correct=correct, polish=polish, image_of=image_of,
+        first_products=first_products, first_scalars=first_scalars, first_step=first_step,
+        second_products=second_products, second_scalars=second_scalars, second_step=second_step,
+        total=total, ratio=ratio,
+    )  # fmt: skip
+
+
+@kernels.cached
+def outer_stages() -> Any:
+    """Return the parts of the flexible conjugate gradients, as functions of one block of rows."""
+    qd, real = kernels.qd, kernels.runtime().real
+    i32 = kernels.i32
+    Level = level_type()
+    Reals = kernels.array_type(real)
+    bound, shared = stages().bound, cycle_stages()
+    image_of, total, ratio = shared.image_of, shared.total, shared.ratio
+
+    @kernels.func
+    def residual(
+        b: i32, parts: i32, level: Level, x: Reals, rhs: Reals, p: Reals, q: Reals, partial: Reals, n: i32,  # type: ignore[valid-type]
+    ):  # fmt: skip
+        bb = qd.cast(0, real)
+        rr = qd.cast(0, real)
+        for t in range(bound(b, parts, n), bound(b + 1, parts, n)):
+            i = level.row[t]
+            first = level.start[i]
+            rest = rhs[i] - level.diagonal[i] * x[i]
+            for k in range(level.length[i]):
+                rest -= level.value[first + k] * x[level.column[first + k]]
+            bb += rhs[i] * rhs[i]
+            level.right[i] = rest
+            p[i] = 0
+            q[i] = 0
+            rr += rest * rest
+        partial[3 * b] = bb
+        partial[3 * b + 1] = rr
+
+    @kernels.func
+    def begin(parts: i32, partial: Reals, scalars: Reals):  # type: ignore[no-untyped-def, valid-type]
+        scalars[RIGHT] = total(partial, parts, 0)
+        scalars[REST] = total(partial, parts, 1)
+        scalars[IMAGE_OF_DIRECTION] = 0
+        scalars[ITERATIONS] = 0
+
+    @kernels.func
+    def products(b: i32, parts: i32, level: Level, q: Reals, partial: Reals, n: i32):  # type: ignore[no-untyped-def, valid-type]
+        energy = qd.cast(0, real)
+        share = qd.cast(0, real)
+        overlap = qd.cast(0, real)
+        for t in range(bound(b, parts, n), bound(b + 1, parts, n)):
+            i = level.row[t]
+            s = image_of(level, 0, i)
+            z = level.new[i]
+            level.image[i] = s
+            energy += s * z
+            share += level.right[i] * z
+            overlap += q[i] * z
+        partial[3 * b] = energy
+        partial[3 * b + 1] = share
+        partial[3 * b + 2] = overlap
+
+    @kernels.func
+    def decide(parts: i32, partial: Reals, scalars: Reals):  # type: ignore[no-untyped-def, valid-type]
+        """Make the new direction conjugate to the one before (equal to the formula of Polak and Ribière)."""
+        overlap = total(partial, parts, 2)
+        turn = -ratio(overlap, scalars[IMAGE_OF_DIRECTION])
+        energy = total(partial, parts, 0) + turn * overlap
+        scalars[TURN] = turn
+        scalars[IMAGE_OF_DIRECTION] = energy
+        scalars[STEP] = ratio(total(partial, parts, 1), energy)
+        scalars[ITERATIONS] += 1
+
+    @kernels.func
+    def advance(b: i32, parts: i32, level: Level, x: Reals, p: Reals, q: Reals, partial: Reals, scalars: Reals, n: i32):  # type: ignore[no-untyped-def, valid-type]
+        turn = scalars[TURN]
+        step = scalars[STEP]
+        rr = qd.cast(0, real)
+        for t in range(bound(b, parts, n), bound(b + 1, parts, n)):
+            i = level.row[t]
+            p[i] = level.new[i] + turn * p[i]
+            q[i] = level.image[i] + turn * q[i]
+            x[i] += step * p[i]
+            rest = level.right[i] - step * q[i]
+            level.right[i] = rest
+            rr += rest * rest
+        partial[3 * b] = rr
+
+    return SimpleNamespace(residual=residual, begin=begin, products=products, decide=decide, advance=advance)
+
+
+@kernels.cached
+def run_function() -> Any:
+    """Return the function that runs a program on the coarse levels in one thread."""
+    i32 = kernels.i32
+    Level = level_type()
+    Reals, Rows = kernels.array_type(kernels.runtime().real), kernels.array_type(i32)
+    c = cycle_stages()
+
+    @kernels.func
+    def run(operations: Rows, first: i32, last: i32, coarse: Level, table: Rows, partial: Reals, scalars: Reals):  # type: ignore[no-untyped-def, valid-type]
+        for step in range(first, last):
+            operation = operations[2 * step]
+            level = operations[2 * step + 1]
+            at = table[2 * level]
+            n = table[2 * level + 1]
+            if operation == SMOOTH:
+                c.smooth(0, 1, coarse, at, n)
+            elif operation == RESTRICT:
+                c.restrict(0, 1, coarse, at, coarse, at + n, table[2 * level + 3])
+            elif operation == CORRECT:
+                c.correct(0, 1, coarse, at, n, coarse, at + n)
+            elif operation == POLISH:
+                c.polish(0, 1, coarse, at, n)
+            elif operation == FIRST:
+                c.first_products(0, 1, coarse, at, n, partial)
+                c.first_scalars(1, level, partial, scalars)
+                c.first_step(0, 1, coarse, at, n, level, scalars)
+            else:
+                c.second_products(0, 1, coarse, at, n, partial)
+                c.second_scalars(1, level, partial, scalars)
+                c.second_step(0, 1, coarse, at, n, level, scalars)
+
+    return run
+
+
+@kernels.cached
+def solve_in_one_thread() -> Any:
+    """Return the kernel that iterates in one go."""
+    qd, real = kernels.qd, kernels.runtime().real
+    i32 = kernels.i32
+    Level = level_type()
+    Reals, Rows = kernels.array_type(real), kernels.array_type(i32)
+    c, o, run = cycle_stages(), outer_stages(), run_function()
+
+    @kernels.kernel
+    def solve_by_multigrid(
+        level: Level, coarse: Level, table: Rows, operations: Rows, length: i32, x: Reals, rhs: Reals,  # type: ignore[valid-type]
+        p: Reals, q: Reals, partial: Reals, scalars: Reals, tolerance: real, largest: i32,  # type: ignore[valid-type]
+    ):  # fmt: skip
+        qd.loop_config(serialize=True)
+        for _ in range(1):
+            n = table[1]
+            o.residual(0, 1, level, x, rhs, p, q, partial, n)
+            o.begin(1, partial, scalars)
+            while scalars[REST] > tolerance * tolerance * scalars[RIGHT] and scalars[ITERATIONS] < largest:
+                c.smooth(0, 1, level, 0, n)
+                if length > 0:
+                    c.restrict(0, 1, level, 0, coarse, 0, table[3])
+                    run(operations, 0, length, coarse, table, partial, scalars)
+                    c.correct(0, 1, level, 0, n, coarse, 0)
+                c.polish(0, 1, level, 0, n)
+                o.products(0, 1, level, q, partial, n)
+                o.decide(1, partial, scalars)
+                o.advance(0, 1, level, x, p, q, partial, scalars, n)
+                scalars[REST] = partial[0]
+
+    return solve_by_multigrid

@@ -1,0 +1,144 @@
+"""Conjugate gradients with a multigrid preconditioner."""
+
+from typing import Any, ClassVar
+
+import numpy as np
+from pydantic import Field as Parameter
+
+from spume import kernels
+from spume.particles import Field, Particles
+from spume.pressure import aggregation, cycle
+from spume.pressure.base import Solution, Solver
+from spume.pressure.conjugate_gradient import solution
+from spume.pressure.matrix import LinearSystem
+
+_REALS = {
+    "inverse": ("kg/m", "inverse of the diagonal"),
+    "residual": ("1/s^2", "residual r"),
+    "before": ("Pa", "correction before the last sweep"),
+    "correction": ("Pa", "correction z"),
+    "image": ("1/s^2", "A z"),
+    "direction": ("Pa", "search direction p"),
+    "product": ("1/s^2", "A p"),
+}
+_ROWS = {
+    "row": "rows that have an equation",
+    "lower": "entries of a row before it",
+    "upper": "first entry of a row behind it",
+    "aggregate": "row's aggregate on the first coarse level",
+    "member": "rows by aggregate",
+}
+
+
+class Multigrid(Solver, name="multigrid"):
+    """Flexible conjugate gradients, preconditioner: one multigrid cycle on background cells.
+
+    Coarse levels are aggregates of rows in cells of 2 l0, 4 l0, … (Södersten, Matsunaga & Koshizuka 2019),
+    joined by two inner iterations on each of the finest levels (K-cycle, Notay & Vassilevski 2008). For
+    symmetric matrices. The number of iterations hardly depends on the number of particles.
+    """
+
+    ids: ClassVar = ("A4",)
+    reference: ClassVar = "sodersten2019"
+    symmetric_only: ClassVar = True
+    needs: ClassVar = (
+        *[Field(f"multigrid_{n}", (), unit, doc) for n, (unit, doc) in _REALS.items()],
+        *[Field(f"multigrid_{n}", (), "1", doc, int) for n, doc in _ROWS.items()],
+    )
+
+    inner_levels: int = Parameter(default=20, ge=0)
+    """Coarse levels that are solved by two inner iterations; the levels below by one cycle [1]."""
+
+    def __call__(self, system: LinearSystem, particles: Particles) -> Solution:
+        """Solve for the unknown rows of ``pressure``."""
+        return _workspace(particles.dimension).solve(self, system, particles)
+
+
+class _Workspace:
+    """Arrays of the coarse levels, which grow as needed and serve every solve."""
+
+    def __init__(self, d: int) -> None:
+        self._d = d
+        self._real, self._parts = kernels.runtime().real, aggregation.blocks()
+        self._capacity = self._rows = self._slots = 0
+        self._table = kernels.array(kernels.i32, aggregation.TABLE)
+        self._operations = kernels.array(kernels.i32, 8)
+        self._program: tuple[int, int] = (-1, -1)
+        self._length = 0
+        self._scalars = kernels.array(self._real, cycle.SCALARS + 4 * (aggregation.LEVELS + 1))
+        self._partial = kernels.array(self._real, 3 * self._parts)
+        self._low, self._high = (kernels.array(kernels.vector(d), self._parts) for _ in range(2))
+        self._coarse: Any = None
+
+    def solve(self, solver: Multigrid, system: LinearSystem, particles: Particles) -> Solution:
+        self._reserve(particles.capacity, particles.capacity // 3 + 64, 8 * particles.capacity)
+        level = self._particles_level(system, particles)
+        while True:
+            aggregation.build_in_one_thread(self._d)(
+                level, self._coarse, self._scratch, self._table, self._low, self._high, particles["position"],
+                particles["row_state"], aggregation.CELL * particles.spacing, particles.count, self._rows, self._slots,
+                self._cells,
+            )  # fmt: skip
+            table = self._table.to_numpy()
+            if table[aggregation.OVERFLOW] == 0:
+                break
+            more = table[aggregation.OVERFLOW]
+            self._reserve(
+                particles.capacity,
+                self._rows * (2 if more & aggregation.TOO_FEW_ROWS else 1),
+                self._slots * (2 if more & aggregation.TOO_FEW_SLOTS else 1),
+            )
+        self._plan(int(table[aggregation.DEPTH]), solver.inner_levels)
+        cycle.solve_in_one_thread()(
+            level, self._coarse, self._table, self._operations, self._length, particles["pressure"], particles["rhs"],
+            particles["multigrid_direction"], particles["multigrid_product"], self._partial,
+            self._scalars, solver.tolerance, solver.largest_iterations,
+        )  # fmt: skip
+        return solution(self._scalars.to_numpy(), solver)
+
+    def _plan(self, depth: int, inner: int) -> None:
+        if self._program == (depth, inner):
+            return
+        operations = np.array(cycle.program(depth, inner), dtype=np.int32).ravel()
+        self._length = len(operations) // 2
+        self._operations = kernels.array(kernels.i32, max(len(operations), 8))
+        padded = np.zeros(self._operations.shape[0], dtype=np.int32)
+        padded[: len(operations)] = operations
+        self._operations.from_numpy(padded)
+        self._program = (depth, inner)
+
+    def _reserve(self, capacity: int, rows: int, slots: int) -> None:
+        if capacity == self._capacity and rows <= self._rows and slots <= self._slots:
+            return
+        self._capacity, self._rows, self._slots = capacity, max(rows, self._rows), max(slots, self._slots)
+        self._cells = capacity + (1 << 16)
+        integers = ("row", "lower", "upper", "length", "aggregate", "member", "first", "last", "cell")
+        reals = ("diagonal", "inverse", "right", "old", "new", "image", "kept")
+        self._coarse = aggregation.level_type()(
+            start=kernels.array(kernels.i64, self._rows),
+            column=kernels.array(kernels.i32, self._slots),
+            value=kernels.array(self._real, self._slots),
+            **{n: kernels.array(kernels.i32, self._rows) for n in integers},
+            **{n: kernels.array(self._real, self._rows) for n in reals},
+        )
+        self._scratch = aggregation.scratch_type()(
+            **{n: kernels.array(kernels.i32, self._cells + 2) for n in ("begin", "cursor", "base")},
+            **{n: kernels.array(kernels.i32, capacity) for n in ("order", "label")},
+            marker=kernels.array(kernels.i32, self._rows),
+            sums=kernels.array(kernels.i32, 1024),
+        )
+
+    def _particles_level(self, system: LinearSystem, particles: Particles) -> Any:
+        mine = {n: particles[f"multigrid_{n}"] for n in (*_REALS, *_ROWS)}
+        return aggregation.level_type()(
+            row=mine["row"], start=system.start, lower=mine["lower"], upper=mine["upper"], length=particles["row_length"],
+            column=system.column, value=system.value, diagonal=particles["diagonal"], inverse=mine["inverse"],
+            aggregate=mine["aggregate"], member=mine["member"], first=mine["member"], last=mine["member"],
+            cell=mine["member"], right=mine["residual"], old=mine["before"], new=mine["correction"],
+            image=mine["image"], kept=mine["image"],
+        )  # fmt: skip
+
+
+@kernels.cached
+def _workspace(d: int) -> _Workspace:
+    return _Workspace(d)

@@ -1,0 +1,74 @@
+"""Collisions of near pairs: momentum, restitution, and what is left alone."""
+
+import numpy as np
+import pytest
+
+from arrangements import block, table
+from spume import named
+from spume.particles import FLUID, WALL
+from spume.schemes import discover
+from spume.schemes.collision.inelastic import Inelastic
+
+discover()
+pytestmark = pytest.mark.usefixtures("runtime")
+DT = 0.01
+
+
+def collide(position, velocity, collision=Inelastic(), **rows):  # noqa: B008
+    lattice, particles, pairs = table(position, fields=Inelastic.needs, velocity=velocity, **rows)
+    collision(lattice, particles, pairs, DT)
+    order = np.argsort(particles.numpy("id"))
+    return tuple(particles.numpy(n)[order] for n in ("velocity", "position", "collisions"))
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.2, 1.0])
+def test_a_pair_that_approaches(restitution):
+    """The approach speed v becomes -e v; both the velocity and this step's move change."""
+    position = np.array([[0.0, 0.0], [0.03, 0.04]])
+    normal = np.array([0.6, 0.8])
+    velocity = np.array([2.0 * normal + [0.8, -0.6], -1.0 * normal])
+    u, x, count = collide(position, velocity, Inelastic(distance=0.6, restitution=restitution))
+    assert (u[1] - u[0]) @ normal == pytest.approx(3.0 * restitution)
+    assert u.sum(axis=0) == pytest.approx(velocity.sum(axis=0))
+    assert (u[0] - velocity[0]) @ [0.8, -0.6] == pytest.approx(0.0), "nothing happens along the contact"
+    assert x == pytest.approx(position + DT * (u - velocity))
+    assert list(count) == [1, 1]
+
+
+def test_what_recedes_or_is_far_is_left_alone():
+    position = np.array([[0.0, 0.0], [0.03, 0.0], [1.0, 0.0], [1.06, 0.0]])
+    velocity = np.array([[-1.0, 0.0], [1.0, 0.0], [1.0, 0.0], [-1.0, 0.0]])
+    u, x, count = collide(position, velocity)
+    assert np.array_equal(u, velocity)
+    assert np.array_equal(x, position)
+    assert not count.any()
+
+
+def test_a_solid_row_is_infinitely_heavy():
+    position = np.array([[0.0, 0.0], [0.0, -0.04]])
+    velocity = np.array([[1.0, -2.0], [0.0, 0.0]])
+    u, _, _ = collide(position, velocity, Inelastic(restitution=0.5), kind=np.array([FLUID, WALL]))
+    assert u == pytest.approx(np.array([[1.0, 1.0], [0.0, 0.0]]))
+
+
+def test_different_densities():
+    position = np.array([[0.0, 0.0], [0.04, 0.0]])
+    velocity = np.array([[1.0, 0.0], [0.0, 0.0]])
+    density = np.array([1000.0, 1.0])
+    u, _, _ = collide(position, velocity, Inelastic(restitution=0.0), density=density)
+    assert density @ u == pytest.approx(density @ velocity)
+    assert u[0] == pytest.approx(u[1])
+
+
+@pytest.mark.parametrize("key", [s.key for s in named.schemes("collision") if "momentum" in s.conserves])
+@pytest.mark.parametrize("d", [2, 3])
+def test_momentum(key, d):
+    """Conserved where it is claimed, with many pairs at once."""
+    collision = {s.key: s for s in named.schemes("collision")}[key]()
+    position = block(d, 6) * 0.4
+    velocity = np.random.default_rng(2).normal(size=position.shape)
+    u, _, count = collide(position, velocity, collision)
+    if key != "none":
+        assert count.sum() > 50
+        assert np.abs(u - velocity).max() > 0.1
+    assert u.sum(axis=0) == pytest.approx(velocity.sum(axis=0), rel=1e-12)

@@ -1,0 +1,197 @@
+"""Neighbour lists against a brute-force search."""
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from arrangements import block, offsets, table
+from spume.particles import DUMMY, FLUID, WALL
+
+pytestmark = pytest.mark.usefixtures("runtime")
+
+few = settings(
+    max_examples=12, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)  # fmt: skip
+
+
+def lists(particles, pairs):
+    """Return the neighbours of each row as sets of ids, by id."""
+    start, length = pairs.list.start.to_numpy(), pairs.list.length.to_numpy()
+    neighbour, ids = pairs.list.neighbour.to_numpy(), particles.numpy("id")
+    found = {}
+    for i in range(particles.count):
+        entries = [int(ids[j]) for j in neighbour[start[i] : start[i] + length[i]]]
+        assert len(set(entries)) == len(entries), "a neighbour is listed twice"
+        found[int(ids[i])] = set(entries)
+    return found
+
+
+def expected(particles, reach, period=None):
+    """Return the neighbours of each row by brute force: dummies and walls that see no fluid have none."""
+    ids, kind = particles.numpy("id"), particles.numpy("kind")
+    near = np.linalg.norm(offsets(particles.numpy("position"), period), axis=-1) < reach
+    np.fill_diagonal(near, False)
+    near[kind == DUMMY] = False
+    near[(kind == WALL) & ~(near & (kind == FLUID)).any(axis=1)] = False
+    return {int(i): {int(j) for j in ids[row]} for i, row in zip(ids, near, strict=True)}
+
+
+def mixed_kinds(rng, n):
+    return rng.choice([FLUID, FLUID, WALL, DUMMY], n)
+
+
+@few
+@given(d=st.sampled_from([2, 3]), n=st.integers(1, 400), seed=st.integers(0, 2**32), clusters=st.booleans())
+def test_random_and_clustered(d, n, seed, clusters):
+    rng = np.random.default_rng(seed)
+    position = rng.uniform(-1, 1, (n, d))
+    if clusters:
+        # Many rows a cell, and empty cells between: the list must grow.
+        position = rng.uniform(-1, 1, (3, d))[rng.integers(0, 3, n)] + rng.normal(0, 0.06, (n, d))
+    _, particles, pairs = table(position, kind=mixed_kinds(rng, n))
+    assert lists(particles, pairs) == expected(particles, 0.23)
+
+
+@few
+@given(axes=st.integers(1, 7), d=st.sampled_from([2, 3]), n=st.integers(2, 350), seed=st.integers(0, 2**32))
+def test_periodic(axes, d, n, seed):
+    rng = np.random.default_rng(seed)
+    periodic = [bool(axes >> k & 1) for k in range(d)]
+    lengths = rng.uniform(0.691, 1.3, d)
+    lower = rng.uniform(-2, 2, d)
+    # Rows that have just left the period must come back on the other side.
+    position = lower + rng.uniform(-0.2, 1.2, (n, d)) * lengths
+    position[0] = lower - 1e-17
+    region = (np.where(periodic, lower, -10), np.where(periodic, lower + lengths, 10))
+    _, particles, pairs = table(position, region=region, periodic=periodic, kind=mixed_kinds(rng, n))
+    period = np.where(periodic, lengths, np.inf)
+    assert particles.count == n
+    assert lists(particles, pairs) == expected(particles, 0.23, period)
+    x = particles.numpy("position")
+    assert np.all(x >= region[0])
+    assert np.all(x <= region[1])
+
+
+@few
+@given(d=st.sampled_from([2, 3]), seed=st.integers(0, 2**32), far=st.sampled_from([3.0, 100.0, 1e4]))
+def test_flying(d, seed, far):
+    """Rows may fly far from where the calculation started, alone or as a group."""
+    rng = np.random.default_rng(seed)
+    position = rng.uniform(-0.5, 0.5, (150, d))
+    _, particles, pairs = table(position, region=([-2e4] * d, [2e4] * d))
+    flying = rng.choice(150, 30, replace=False)
+    x = particles.numpy("position")
+    x[flying[:20]] += far * rng.choice([-1.0, 1.0], d)
+    x[flying[20:]] = rng.uniform(-far, far, (10, d))
+    particles.set("position", x)
+    assert pairs.update(particles) == 0
+    assert lists(particles, pairs) == expected(particles, 0.23)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_rows_stand_in_cell_order_and_by_id_within_a_cell(d):
+    rng = np.random.default_rng(3)
+    reach = 0.23
+    position = rng.uniform(0, 1, (300, d))
+    _, particles, _ = table(position)
+    x = particles.numpy("position")
+    cell = np.floor((x - x.min(axis=0)) / reach).astype(int)
+    key = [particles.numpy("id"), *[cell[:, k] for k in range(d)]]
+    assert np.array_equal(np.lexsort(key), np.arange(300)), "x fastest, by id within a cell"
+    assert np.array_equal(x, position[particles.numpy("id")]), "every field moves with its row"
+
+
+def test_order_does_not_depend_on_the_order_before():
+    position = np.random.default_rng(4).uniform(0, 1, (200, 2))
+    shuffled = np.random.default_rng(5).permutation(200)
+    _, one, _ = table(position)
+    _, other, _ = table(position[shuffled], id=shuffled)
+    assert np.array_equal(one.numpy("id"), other.numpy("id"))
+
+
+@pytest.mark.parametrize("periodic", [None, [True, False]])
+def test_the_skin_keeps_lists_valid(periodic):
+    region = ([-0.5, -2.0], [0.5, 2.0])
+    position = block(2, 10, disturbance=0.2)
+    _, particles, pairs = table(position, region=region, periodic=periodic)
+    rng = np.random.default_rng(6)
+    # Just under half the skin: the list holds, and contains all that is nearer than the radius.
+    direction = rng.normal(size=(100, 2))
+    direction *= 0.0099 / np.linalg.norm(direction, axis=1, keepdims=True)
+    particles.set("position", particles.numpy("position") + direction)
+    pairs.update(particles)
+    assert pairs.builds == 1
+    found = lists(particles, pairs)
+    near = expected(particles, 0.21, [1.0, np.inf] if periodic else None)
+    assert all(near[i] <= found[i] for i in near)
+    # One row just beyond it: built anew.
+    x = particles.numpy("position")
+    x[7, 0] += 0.02
+    particles.set("position", x)
+    pairs.update(particles)
+    assert pairs.builds == 2
+    assert lists(particles, pairs) == expected(particles, 0.23, [1.0, np.inf] if periodic else None)
+
+
+def test_without_a_skin_every_update_builds():
+    _, particles, pairs = table(block(2, 5), skin=0.0)
+    pairs.update(particles)
+    assert pairs.builds == 2
+    assert lists(particles, pairs) == expected(particles, 0.21)
+
+
+def test_rows_outside_the_region_are_removed_and_counted():
+    position = np.vstack([block(2, 6), [[5.0, 0.0], [0.0, -5.0], [7.0, 7.0]]])
+    _, particles, pairs = table(position)
+    assert particles.count == 39
+    _, particles, pairs = table(position, region=([-10, -10], [10, 10]))
+    pairs.list.upper = np.array([1.0, 1.0])
+    pairs.list.lower = np.array([-1.0, -1.0])
+    particles.changed = True
+    assert pairs.update(particles) == 3
+    assert sorted(particles.numpy("id")) == list(range(36))
+    assert lists(particles, pairs) == expected(particles, 0.23)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("periodic", [None, [True, True]])
+def test_positions_that_are_no_numbers_are_removed(bad, periodic):
+    _, particles, pairs = table(block(2, 9), region=([-0.45, -0.45], [0.45, 0.45]), skin=0.2, periodic=periodic)
+    x = particles.numpy("position")
+    x[13, 0] = bad
+    x[57, 1] = bad
+    gone = set(particles.numpy("id")[[13, 57]])
+    particles.set("position", x)
+    assert pairs.update(particles) == 2
+    assert gone.isdisjoint(particles.numpy("id"))
+    assert particles.count == 79
+    period = None if periodic is None else [0.9, 0.9]
+    assert lists(particles, pairs) == expected(particles, 0.23, period)
+
+
+def test_an_overflowing_list_grows():
+    _, particles, pairs = table(block(2, 12))
+    before = pairs.list.bytes()
+    particles.set("position", np.random.default_rng(2).uniform(-0.1, 0.1, (144, 2)))
+    pairs.update(particles)
+    assert pairs.list.bytes() > before
+    assert lists(particles, pairs) == expected(particles, 0.23)
+    assert sum(map(len, lists(particles, pairs).values())) > 144 * 100
+
+
+def test_inserted_and_removed_rows():
+    _, particles, pairs = table(block(2, 6))
+    rows = {"position": block(2, 30, seed=9) + 0.05, "kind": np.full(900, FLUID)}
+    particles.insert(rows)
+    pairs.update(particles)
+    assert lists(particles, pairs) == expected(particles, 0.23)
+    particles.remove(particles.numpy("id") % 3 == 0)
+    pairs.update(particles)
+    assert particles.count == 624
+    assert lists(particles, pairs) == expected(particles, 0.23)
+
+
+def test_a_period_too_short_is_refused():
+    with pytest.raises(ValueError, match="axis 0: at least three times the search radius"):
+        table(block(2, 5), region=([-0.3, -1.0], [0.3, 1.0]), periodic=[True, False])
