@@ -21,6 +21,9 @@ LISTED = FLUID | WALL
 _CELLS_PER_REACH = 1
 """Cells are this many times smaller than the search radius: fewer distance tests, more ranges to walk."""
 
+_WORTH = 3
+"""Updates that a list with a skin must serve, at the speed since the last build, for the skin to be used."""
+
 _REDUCTION_BLOCKS = 128
 
 
@@ -32,6 +35,7 @@ class NeighbourList:
         length: number of neighbours of each row (int32).
         neighbour: row numbers.
         builds: how many times the list was built.
+        current_skin: skin of the present list [m]: ``skin`` in calm flow, 0 where rows move too fast for it.
     """
 
     def __init__(
@@ -54,6 +58,8 @@ class NeighbourList:
                     f"radius, {3 * (radius + skin):g} m"
                 )
         self.builds = 0
+        self.current_skin = skin
+        self._updates = 0
         self._home: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
         self._capacity = 0
         self._cells = 0
@@ -66,9 +72,12 @@ class NeighbourList:
     def update(self, particles: Particles) -> int:
         """Make the list valid for the present positions; return how many rows left the region."""
         if self.builds and not particles.changed and self.skin > 0:
-            limit = (0.5 * self.skin) ** 2
-            if self._largest_displacement_squared(particles) < limit:
+            self._updates += 1
+            moved = math.sqrt(self._largest_displacement_squared(particles))
+            if moved < 0.5 * self.current_skin:
                 return 0
+            # A skin makes every sum longer; it pays only if the list then serves several updates.
+            self.current_skin = self.skin if 0.5 * self.skin * self._updates >= _WORTH * moved else 0.0
         return self.build(particles)
 
     def build(self, particles: Particles) -> int:
@@ -88,6 +97,7 @@ class NeighbourList:
         if self.skin > 0:
             _copy_kernel(particles.dimension)(particles["position"], self._built, particles.count)
         particles.changed = False
+        self._updates = 0
         self.builds += 1
         return removed
 
@@ -140,7 +150,7 @@ class NeighbourList:
             self._home = low - 0.5 * extent, high + 0.5 * extent
         low, high = np.maximum(low, self._home[0]), np.minimum(high, self._home[1])
         low, high = np.minimum(low, high), np.maximum(low, high)
-        reach = (self.radius + self.skin) / _CELLS_PER_REACH
+        reach = (self.radius + self.current_skin) / _CELLS_PER_REACH
         joined = np.array(self.periodic)
         low = np.where(joined, self.lower, low)
         extent = np.where(joined, self.upper - self.lower, high - low)
@@ -191,7 +201,7 @@ class NeighbourList:
         self._flag.fill(0)
         _list_kernel(d, self.periodic)(
             particles["position"], particles["kind"], self._cell_start, self.start, self.length, self.neighbour,
-            self._flag, count, self._rows_per_block, self._slots_per_block, self.radius + self.skin,
+            self._flag, count, self._rows_per_block, self._slots_per_block, self.radius + self.current_skin,
             *origin, *size, *[int(s) for s in shape], *self.period,
         )  # fmt: skip
         return int(self._flag.to_numpy()[0]) <= self._slots_per_block

@@ -25,7 +25,7 @@ class Wall(Body, name="wall"):
     bodies coincide one is kept, and a wall row that no fluid can reach becomes a dummy.
     """
 
-    ids: ClassVar[tuple[str, ...]] = ("F1",)
+    ids: ClassVar[tuple[str, ...]] = ("F1", "F2")
     reference: ClassVar[str] = "koshizuka1996"
 
     shape: Shape

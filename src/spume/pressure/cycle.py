@@ -99,8 +99,10 @@ def cycle_stages() -> Any:
             first = level.start[i]
             for k in range(level.upper[i]):
                 s -= level.value[first + k] * level.old[at + level.column[first + k]]
-            for k in range(level.upper[i], level.length[i]):
-                s -= level.value[first + k] * level.new[at + level.column[first + k]]
+            # The nearest row last: its value has only just been found.
+            last = first + level.length[i] - 1
+            for k in range(level.length[i] - level.upper[i]):
+                s -= level.value[last - k] * level.new[at + level.column[last - k]]
             level.new[i] = s * level.inverse[i]
 
     @kernels.func

@@ -45,7 +45,8 @@ class Minimum(Gradient, name="minimum"):
         phi: str = "pressure", out: str = "pressure_gradient", over: int = ANY, view: PairView | None = None,
     ) -> None:  # fmt: skip
         """Write the gradient of ``phi`` at fluid rows into ``out``; dummies are no candidates for the minimum."""
-        reach: dict[str, Any] = {"weight": self.weight, "re": self.radius(lattice), "fields": {"value": phi}, "view": view}
+        seen = {"fields": {"value": phi}, "view": view}
+        reach: dict[str, Any] = {"weight": self.weight, "re": self.radius(lattice), **seen}
         pair_min(neighbour_value, particles, pairs, out="smallest_value", over=over & (FLUID | WALL), **reach)
         pair_sum(
             above_smallest, particles, pairs, out=out, over=over,

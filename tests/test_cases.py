@@ -1,0 +1,33 @@
+"""Every built-in case runs its first steps."""
+
+import numpy as np
+import pytest
+from tanks import advanced
+
+from spume.case import built_in_cases, load
+
+COARSER = {
+    "dam-break": 0.03,
+    "dam-break-3d": 0.03,
+    "dam-break-martin-moyce": 0.005715,
+    "hydrostatic": 0.05,
+    "hydrostatic-3d": 0.05,
+    "standing-wave": 0.1,
+    "taylor-green": 0.05,
+}
+"""Spacings [m] that make the cases small; those that are small already are run as they are."""
+
+
+@pytest.mark.parametrize("name", built_in_cases())
+def test_first_steps(device, name):
+    overrides = [f"spacing={COARSER[name]}"] if name in COARSER else []
+    simulation = load(name, overrides).build(device=device, threads=1)
+    rows = len(simulation.fetch("id"))
+    advanced(simulation, steps=3)
+    assert simulation.step_index == 3
+    assert simulation.time > 0
+    assert len(simulation.fetch("id")) == rows, "no row is lost"
+    for field in ("position", "velocity", "pressure"):
+        assert np.isfinite(simulation.fetch(field)).all()
+    assert simulation.statistics["iterations"] > 0
+    assert simulation.statistics["removed"] == 0
