@@ -12,14 +12,16 @@ from spume.steps.project_in_place import ProjectInPlace
 STEPS = {"project-in-place": ProjectInPlace, "predict-move-project": PredictMoveProject}
 
 
-def column(l0=0.025, cells=(8, 20), step=None, **more):
-    """Return the case of a column of water at rest in a tank."""
+def column(l0=0.025, cells=(8, 20), step=None, periodic=False, step_max=None, **more):
+    """Return the case of a column of water at rest, in a tank or (periodic along x) on a floor."""
     width, height = cells[0] * l0, cells[1] * l0
     water = spume.Fluid(name="water", shape=spume.Box(lower=[0.0, 0.0], upper=[width, height]), **more)
-    tank = spume.Tank(lower=[0.0, 0.0], upper=[width, 1.5 * height], open=["top"])
+    faces = ["left", "right", "top"] if periodic else ["top"]
+    tank = spume.Tank(lower=[0.0, 0.0], upper=[width, 1.5 * height], open=faces)
+    joined = {"periodic": ["x"], "lower": [0.0, -1.0], "upper": [width, 2.0]} if periodic else {}
     return spume.Case(
-        spacing=l0, time=spume.Time(end=10.0), fluid=[water], body=[spume.Wall(name="tank", shape=tank)],
-        step=step or ProjectInPlace(),
+        spacing=l0, time=spume.Time(end=10.0, step_max=step_max), domain=spume.Domain(**joined), fluid=[water],
+        body=[spume.Wall(name="tank", shape=tank)], step=step or ProjectInPlace(),
     )  # fmt: skip
 
 
@@ -38,9 +40,7 @@ def dam_break(l0=0.02, start=0, cells=(10, 10), length=30, shift=(0.0, 0.0), tur
         "tank": ((0, 0), (length, 1.5 * cells[1])),
     }
     if turned:
-        corners = {
-            name: ((-upper[1], lower[0]), (-lower[1], upper[0])) for name, (lower, upper) in corners.items()
-        }
+        corners = {name: ((-upper[1], lower[0]), (-lower[1], upper[0])) for name, (lower, upper) in corners.items()}
     boxes = {
         name: {
             end: [float(c * l0 + s) for c, s in zip(corner, shift, strict=True)]
@@ -59,9 +59,7 @@ def dam_break(l0=0.02, start=0, cells=(10, 10), length=30, shift=(0.0, 0.0), tur
 
 def drop(l0=0.02, radius=0.2, gravity=(0.0, -9.81), **more):
     """Return the case of a round drop without walls, around the origin."""
-    fluid = spume.Fluid(
-        name="water", shape=spume.Sphere(center=[0.0, 0.0], radius=radius), **more.pop("fluid", {})
-    )
+    fluid = spume.Fluid(name="water", shape=spume.Sphere(centre=[0.0, 0.0], radius=radius), **more.pop("fluid", {}))
     return spume.Case(
         spacing=l0, time=spume.Time(end=10.0, **more.pop("time", {})), domain=spume.Domain(gravity=gravity),
         fluid=[fluid], **more,

@@ -113,6 +113,16 @@ def test_a_completed_case_is_read_back(name, tmp_path):
     assert document["fluid"][0]["density"] == 1000.0
 
 
+def test_a_run_folder_does_not_hide_the_built_in_case_of_its_name(file, monkeypatch):
+    folder = file.parent / "dam-break"
+    folder.mkdir()
+    (folder / "case.toml").write_text(CASE)
+    monkeypatch.chdir(file.parent)
+    assert load("dam-break").title.startswith("Dam break")
+    assert load("./dam-break").title == "a tank"
+    assert load("dam-break/case.toml").title == "a tank"
+
+
 def test_folders_and_byte_order_marks(file):
     (file.parent / "here").mkdir()
     (file.parent / "here" / "case.toml").write_bytes(b"\xef\xbb\xbf" + CASE.encode().replace(b"\n", b"\r\n"))

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from tanks import advanced
 
 from spume.case import built_in_cases, load
+from tanks import advanced
 
 COARSER = {
     "dam-break": 0.03,

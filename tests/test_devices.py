@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from tanks import advanced, by_id, dam_break
 
 from spume import kernels
 from spume.particles import ANY
-from spume.steps.project_in_place import ProjectInPlace
 from spume.pressure.conjugate_gradient import ConjugateGradient
+from spume.steps.project_in_place import ProjectInPlace
+from tanks import advanced, by_id, dam_break
 
 STEPS = 5
 FIELDS = ("position", "velocity", "pressure")

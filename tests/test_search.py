@@ -27,6 +27,12 @@ def lists(particles, pairs):
     return found
 
 
+def reach(pairs):
+    """Return the distance [m] that the present list reaches; the skin adapts to how fast rows move."""
+    assert pairs.list.current_skin in (0.0, pairs.list.skin)
+    return pairs.list.radius + pairs.list.current_skin
+
+
 def expected(particles, reach, period=None):
     """Return the neighbours of each row by brute force: dummies and walls that see no fluid have none."""
     ids, kind = particles.numpy("id"), particles.numpy("kind")
@@ -50,7 +56,7 @@ def test_random_and_clustered(d, n, seed, clusters):
         # Many rows a cell, and empty cells between: the list must grow.
         position = rng.uniform(-1, 1, (3, d))[rng.integers(0, 3, n)] + rng.normal(0, 0.06, (n, d))
     _, particles, pairs = table(position, kind=mixed_kinds(rng, n))
-    assert lists(particles, pairs) == expected(particles, 0.23)
+    assert lists(particles, pairs) == expected(particles, reach(pairs))
 
 
 @few
@@ -67,7 +73,7 @@ def test_periodic(axes, d, n, seed):
     _, particles, pairs = table(position, region=region, periodic=periodic, kind=mixed_kinds(rng, n))
     period = np.where(periodic, lengths, np.inf)
     assert particles.count == n
-    assert lists(particles, pairs) == expected(particles, 0.23, period)
+    assert lists(particles, pairs) == expected(particles, reach(pairs), period)
     x = particles.numpy("position")
     assert np.all(x >= region[0])
     assert np.all(x <= region[1])
@@ -86,7 +92,7 @@ def test_flying(d, seed, far):
     x[flying[20:]] = rng.uniform(-far, far, (10, d))
     particles.set("position", x)
     assert pairs.update(particles) == 0
-    assert lists(particles, pairs) == expected(particles, 0.23)
+    assert lists(particles, pairs) == expected(particles, reach(pairs))
 
 
 @pytest.mark.parametrize("d", [2, 3])
@@ -131,7 +137,22 @@ def test_the_skin_keeps_lists_valid(periodic):
     particles.set("position", x)
     pairs.update(particles)
     assert pairs.builds == 2
-    assert lists(particles, pairs) == expected(particles, 0.23, [1.0, np.inf] if periodic else None)
+    assert lists(particles, pairs) == expected(particles, reach(pairs), [1.0, np.inf] if periodic else None)
+
+
+def test_the_skin_is_dropped_where_rows_move_too_fast_for_it():
+    _, particles, pairs = table(block(2, 8))
+    step = np.array([0.009, 0.0])
+    for _ in range(4):
+        particles.set("position", particles.numpy("position") + step)
+        pairs.update(particles)
+    assert pairs.list.current_skin == 0.0
+    assert lists(particles, pairs) == expected(particles, 0.21)
+    for _ in range(6):
+        particles.set("position", particles.numpy("position") + 0.01 * step)
+        pairs.update(particles)
+    assert pairs.list.current_skin == pairs.list.skin
+    assert pairs.builds < 6, "in calm flow lists serve several updates again"
 
 
 def test_without_a_skin_every_update_builds():
@@ -151,7 +172,7 @@ def test_rows_outside_the_region_are_removed_and_counted():
     particles.changed = True
     assert pairs.update(particles) == 3
     assert sorted(particles.numpy("id")) == list(range(36))
-    assert lists(particles, pairs) == expected(particles, 0.23)
+    assert lists(particles, pairs) == expected(particles, reach(pairs))
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
@@ -167,7 +188,7 @@ def test_positions_that_are_no_numbers_are_removed(bad, periodic):
     assert gone.isdisjoint(particles.numpy("id"))
     assert particles.count == 79
     period = None if periodic is None else [0.9, 0.9]
-    assert lists(particles, pairs) == expected(particles, 0.23, period)
+    assert lists(particles, pairs) == expected(particles, reach(pairs), period)
 
 
 def test_an_overflowing_list_grows():
@@ -176,7 +197,7 @@ def test_an_overflowing_list_grows():
     particles.set("position", np.random.default_rng(2).uniform(-0.1, 0.1, (144, 2)))
     pairs.update(particles)
     assert pairs.list.bytes() > before
-    assert lists(particles, pairs) == expected(particles, 0.23)
+    assert lists(particles, pairs) == expected(particles, reach(pairs))
     assert sum(map(len, lists(particles, pairs).values())) > 144 * 100
 
 
@@ -185,11 +206,20 @@ def test_inserted_and_removed_rows():
     rows = {"position": block(2, 30, seed=9) + 0.05, "kind": np.full(900, FLUID)}
     particles.insert(rows)
     pairs.update(particles)
-    assert lists(particles, pairs) == expected(particles, 0.23)
+    assert lists(particles, pairs) == expected(particles, reach(pairs))
     particles.remove(particles.numpy("id") % 3 == 0)
     pairs.update(particles)
     assert particles.count == 624
-    assert lists(particles, pairs) == expected(particles, 0.23)
+    assert lists(particles, pairs) == expected(particles, reach(pairs))
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_table_that_lost_every_row():
+    _, particles, pairs = table(block(2, 4), region=([-1, -1], [1, 1]))
+    particles.set("position", particles.numpy("position") + 5.0)
+    assert pairs.update(particles) == 16
+    assert particles.count == 0
+    assert pairs.update(particles) == 0
 
 
 def test_a_period_too_short_is_refused():

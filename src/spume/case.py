@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.resources
 import math
 import os
 import tomllib
@@ -291,25 +290,23 @@ def _dimensions(item: Parameters, loc: Location, d: int) -> Iterator[tuple[Locat
 
 def built_in_cases() -> dict[str, Path]:
     """Return name and file of every case that comes with Spume."""
-    folder = Path(str(importlib.resources.files("spume") / "cases"))
-    return {path.parent.name: path for path in sorted(folder.glob("*/case.toml"))}
+    return {path.parent.name: path for path in sorted(named.CASES.glob("*/case.toml"))}
 
 
 def find_case(source: str | os.PathLike[str]) -> tuple[Path, str]:
-    """Return file and name of a case: a file, a folder with a ``case.toml``, or a built-in name.
+    """Return file and name of a case: a file, a built-in name, or a folder with a ``case.toml``.
 
     Raises:
         CaseError: there is no such case; the message lists the built-in ones and the nearest.
     """
-    path = Path(source)
+    path, known = Path(source), built_in_cases()
+    if str(source) in known and not path.is_file():
+        return known[str(source)], str(source)  # also beside a run folder of that name
     if path.is_dir() and (path / "case.toml").is_file():
         path = path / "case.toml"
     if path.is_file():
         name = path.parent.name if path.name == "case.toml" else path.stem
         return path, name or "case"
-    known = built_in_cases()
-    if str(source) in known:
-        return known[str(source)], str(source)
     names = ", ".join(known)
     message = f"no such file and no built-in case; built-in: {names}{nearest_match(str(source), known)}"
     raise CaseError([Problem("", f"case {str(source)!r}", "", message)])
@@ -321,7 +318,7 @@ def load(
     """Return the case of a file or of a built-in name, with keys replaced.
 
     Args:
-        source: a TOML file, a folder that holds ``case.toml``, or a built-in name.
+        source: a TOML file, a built-in name, or a folder that holds ``case.toml`` (as a run's does).
         overrides: ``"time.end=0.1"``, ``"fluid.water.viscosity=0"``: dotted keys, elements of
             arrays of tables by name or number from zero, values as in TOML (text may go without
             quotes).

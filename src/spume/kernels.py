@@ -166,6 +166,21 @@ def array(value: Any, size: int) -> Any:
     return data
 
 
+def host(data: Any) -> np.ndarray[Any, Any]:
+    """Return a device array as a NumPy array: its own memory where the device is the processor, else a copy.
+
+    Use :func:`publish` after writing to it.
+    """
+    qd.sync()
+    return np.asarray(data.to_numpy(copy=None))
+
+
+def publish(data: Any, values: np.ndarray[Any, Any]) -> None:
+    """Make what was written to the array from :func:`host` the device array's content."""
+    if values.flags.owndata:
+        data.from_numpy(values)
+
+
 def scalar_array(value: Any) -> Any:
     """Return a new device array that holds one value and has no index (a loop counter)."""
     return qd.ndarray(value, ())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import importlib
 import importlib.metadata
+import importlib.resources
 import pkgutil
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
@@ -265,7 +266,7 @@ class OneOrMore:
 
 # ---------------------------------------------------------------------------------------------- files
 
-CASES = Path(__file__).parent / "cases"
+CASES = Path(str(importlib.resources.files("spume") / "cases"))
 """Folder of the built-in cases, whose data any case may name: ``dam-break/pressure-2.csv``."""
 
 

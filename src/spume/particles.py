@@ -124,14 +124,14 @@ class Particles:
 
     def numpy(self, name: str) -> NDArray[Any]:
         """Return a copy of a field, shape (count, *shape), in the present order of rows."""
-        return np.asarray(self._arrays[name].to_numpy())[: self.count]
+        return np.array(kernels.host(self._arrays[name])[: self.count])
 
     def set(self, name: str, values: ArrayLike) -> None:
         """Overwrite a field with values of shape (count, *shape) in the present order of rows."""
         array = self._arrays[name]
-        full = array.to_numpy()
+        full = kernels.host(array)
         full[: self.count] = values
-        array.from_numpy(full)
+        kernels.publish(array, full)
 
     def insert(self, rows: Mapping[str, ArrayLike]) -> None:
         """Append rows; fields that are not given take their ``initial`` value, ids are numbered on.
@@ -160,9 +160,9 @@ class Particles:
                 values = np.arange(self._next_id, self._next_id + new)
             else:
                 values = np.full(shape, field.initial)
-            full = self._arrays[name].to_numpy()
+            full = kernels.host(self._arrays[name])
             full[self.count : self.count + new] = values
-            self._arrays[name].from_numpy(full)
+            kernels.publish(self._arrays[name], full)
         self.count += new
         self._next_id = max(self._next_id + new, int(self.numpy("id").max()) + 1)
         self.changed = True
@@ -173,9 +173,9 @@ class Particles:
         if gone == 0:
             return 0
         for name in self.fields:
-            full = self._arrays[name].to_numpy()
+            full = kernels.host(self._arrays[name])
             full[: self.count - gone] = full[: self.count][~rows]
-            self._arrays[name].from_numpy(full)
+            kernels.publish(self._arrays[name], full)
         self.count -= gone
         self.changed = True
         return gone
@@ -207,7 +207,7 @@ class Particles:
         _largest_kernel(self.fields[name].value_shape(self.dimension)[0])(
             self[name], self["kind"], self._partial, rows, self.count
         )
-        largest = np.max(self._partial.to_numpy())
+        largest = np.max(kernels.host(self._partial))
         return float(np.sqrt(largest)) if largest < np.finfo(largest.dtype).max else float("nan")
 
     def total(self, name: str, rows: int = ANY) -> float:
@@ -215,7 +215,7 @@ class Particles:
         if self._partial is None:
             self._partial = kernels.array(kernels.runtime().real, _REDUCTION_BLOCKS)
         _total_kernel(self.fields[name].dtype is int)(self[name], self["kind"], self._partial, rows, self.count)
-        return float(np.sum(self._partial.to_numpy()))
+        return float(np.sum(kernels.host(self._partial)))
 
     def _grow(self, needed: int) -> None:
         if needed <= self.capacity:
@@ -224,11 +224,10 @@ class Particles:
             self.capacity *= 2
         self._spares.clear()
         for name, field in self.fields.items():
-            old = self._arrays[name].to_numpy()
             array = kernels.array(self._type(field), self.capacity)
-            full = array.to_numpy()
-            full[: self.count] = old[: self.count]
-            array.from_numpy(full)
+            full = kernels.host(array)
+            full[: self.count] = kernels.host(self._arrays[name])[: self.count]
+            kernels.publish(array, full)
             self._arrays[name] = array
 
 

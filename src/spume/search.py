@@ -89,10 +89,12 @@ class NeighbourList:
             x = particles.numpy("position")
             removed = particles.remove(~np.all((x >= self.lower) & (x <= self.upper), axis=1))
             low, high = self._wrap_and_bound(particles)
+        if particles.count == 0:
+            low = high = self.lower
         origin, size, shape = self._grid(particles.count, low, high)
         self._sort(particles, origin, size, shape)
         while not self._fill(particles, origin, size, shape):
-            self._slots_per_block = int(1.3 * int(self._flag.to_numpy()[0])) + 64
+            self._slots_per_block = int(1.3 * int(kernels.host(self._flag)[0])) + 64
             self._allocate_slots()
         if self.skin > 0:
             _copy_kernel(particles.dimension)(particles["position"], self._built, particles.count)
@@ -129,13 +131,13 @@ class NeighbourList:
         d = particles.dimension
         kernel = _wrap_and_bound_kernel(d, self.periodic)
         kernel(particles["position"], self._partial, particles.count, *self.lower, *self.period)
-        partial = self._partial.to_numpy()
+        partial = kernels.host(self._partial)
         return partial[:_REDUCTION_BLOCKS].min(axis=0), partial[_REDUCTION_BLOCKS:].max(axis=0)
 
     def _largest_displacement_squared(self, particles: Particles) -> float:
         kernel = _displacement_kernel(particles.dimension)
         kernel(particles["position"], self._built, self._partial, particles.count)
-        return float(self._partial.to_numpy()[:_REDUCTION_BLOCKS, 0].max())
+        return float(kernels.host(self._partial)[:_REDUCTION_BLOCKS, 0].max())
 
     def _grid(
         self, count: int, low: NDArray[np.float64], high: NDArray[np.float64]
@@ -204,7 +206,7 @@ class NeighbourList:
             self._flag, count, self._rows_per_block, self._slots_per_block, self.radius + self.current_skin,
             *origin, *size, *[int(s) for s in shape], *self.period,
         )  # fmt: skip
-        return int(self._flag.to_numpy()[0]) <= self._slots_per_block
+        return int(kernels.host(self._flag)[0]) <= self._slots_per_block
 
 
 _SCAN_BLOCKS = 256

@@ -45,6 +45,13 @@ def test_first_layer_is_one_spacing_from_the_fluid():
     assert not layers.wall[gaps.min(axis=1) > 1.5 * L0][layers.position[gaps.min(axis=1) > 1.5 * L0][:, 1] < 0].any()
 
 
+def test_rows_are_ordered_with_the_last_axis_fastest():
+    long = Tank(lower=(0, 0), upper=(20.0, 15.0), open=("top",))
+    x = wall_layers(long, Grid((0.0, 0.0), L0), 3, wetted="inside").position
+    assert len(x) == 206 * 3 + 2 * 3 * 150
+    assert np.array_equal(np.lexsort(x.T[::-1]), np.arange(len(x)))
+
+
 @pytest.mark.parametrize("depth", [0.05, 0.15, 0.25])
 def test_corner_diagonal_takes_the_corner_row(depth):
     layers = wall_layers(OPEN_TANK, Grid((0.0, 0.0), L0), 3, wetted="inside")
@@ -74,6 +81,23 @@ def test_edges_of_a_block_are_mirror_symmetric():
     for (x, y), ((sx, sy), (mx, my)) in table.items():
         assert table[-x + 0.0, y] == ((-sx + 0.0, sy), (-mx + 0.0, my))
         assert table[x, -y + 0.0] == ((sx, -sy + 0.0), (mx, -my + 0.0))
+
+
+def test_dummies_of_an_edge_take_the_row_ahead_of_them():
+    block = Box(lower=(0, 0), upper=(2.0, 2.0))
+    layers = wall_layers(block, Grid((0.0, 0.0), L0), 3, wetted="outside")
+    for x, ahead in (
+        ([0.15, 0.15], [0.05, 0.15]),  # equally far from both faces: the first axis decides
+        ([0.25, 0.15], [0.25, 0.05]),
+        ([0.15, 0.25], [0.05, 0.25]),
+        ([0.25, 0.25], [0.05, 0.25]),
+        ([1.75, 0.25], [1.95, 0.25]),
+    ):
+        dummy = row(layers, x)
+        assert layers.position[layers.master[dummy]] == pytest.approx(ahead)
+        assert (layers.position + layers.to_surface)[dummy] * np.array([0, 1]) == pytest.approx(
+            np.array([0, 1]) * (layers.position + layers.to_surface)[layers.master[dummy]]
+        )
 
 
 def test_a_large_block_keeps_its_core_empty():

@@ -83,9 +83,19 @@ def test_open_faces_are_no_surface():
     assert tank.solid_side(beyond).tolist() == [False, False, True, True, False]
 
 
+def test_gap_leaves_open_faces_out():
+    tank = Tank(lower=(0, 0), upper=(1, 1), open=("top", "left"))
+    x = np.array([[0.01, 0.5], [-1.0, 0.5], [0.5, 3.0], [0.5, -0.2], [2.0, 2.0]])
+    assert tank.gap(x) == pytest.approx([0.5, math.hypot(1.0, 0.5), math.hypot(0.5, 2.0), 0.2, math.sqrt(2)])
+    closed = Tank(lower=(0, 0), upper=(1, 1))
+    inner = np.random.default_rng(0).uniform(-1, 2, (1000, 2))
+    assert closed.gap(inner) == pytest.approx(np.abs(closed.distance(inner)))
+
+
 def test_open_faces_have_no_area():
     assert Tank(lower=(0, 0), upper=(3, 2), open=("top",)).surface() == pytest.approx(7.0)
-    assert Tank(lower=(0, 0, 0), upper=(1, 2, 3), open=("top", "front")).surface() == pytest.approx(22 - 2 - 3)
+    room = Tank(lower=(0, 0, 0), upper=(1, 2, 3), open=("top", "front"))
+    assert room.surface() == pytest.approx(22 - 2 - 3)
 
 
 def test_faces_of_a_3d_tank():

@@ -45,10 +45,11 @@ def wall_layers(shape: Shape, grid: Grid, layers: int, *, wetted: str) -> Layers
     sign = 1.0 if wetted == "inside" else -1.0
     found, depths, total = [], [], 0
     for corner, size in _blocks_near_the_surface(shape, grid, layers):
-        wide = np.stack(np.indices(size + 2 * layers), axis=-1).reshape(-1, grid.dimension)
+        window = tuple(int(n) for n in size + 2 * layers)
+        wide = np.moveaxis(np.indices(window), 0, -1).reshape(-1, grid.dimension)
         points = grid.centres(wide + corner - layers)
         depth = sign * shape.distance(points) / grid.spacing  # behind the surface, positive in the solid
-        wet = (depth < -1e-6).reshape(size + 2 * layers)
+        wet = (depth < -1e-6).reshape(window)
         near = maximum_filter(wet, size=2 * layers + 1, mode="nearest").reshape(-1)
         rows = near & ~wet.reshape(-1) & (depth < deepest)
         rows &= np.all((wide >= layers) & (wide < size + layers), axis=1)
@@ -86,7 +87,7 @@ def _blocks_near_the_surface(
     for block in grid.blocks(np.zeros_like(count), count):
         corners = first + block * edge
         middle = np.array(grid.origin) + (corners + edge / 2) * grid.spacing
-        for corner in corners[np.abs(shape.distance(middle)) < reach]:
+        for corner in corners[shape.gap(middle) < reach]:
             yield corner, np.minimum(edge, last - corner)
 
 

@@ -45,6 +45,10 @@ class Shape(Scheme, family="shape", selector="kind"):
         gap = np.linalg.norm(self.nearest(points) - points, axis=1)
         return np.where(self.inside(points), -gap, gap)
 
+    def gap(self, points: Points) -> NDArray[np.float64]:
+        """Return the distance [m] of each point from the surface, open faces excluded."""
+        return np.abs(self.distance(points))
+
     def measure(self) -> float:
         """Return the area [m^2] in 2D or the volume [m^3] in 3D."""
         raise NotImplementedError
@@ -158,6 +162,16 @@ class Tank(_Corners, name="tank"):
         if self.open_faces().all():
             raise ValueError("a tank with every face open has no walls")
         return self
+
+    @override
+    def gap(self, points: Points) -> NDArray[np.float64]:
+        nearest = np.full(len(points), np.inf)
+        for side, axis in np.argwhere(~self.open_faces()):
+            lower, upper = self.bounds()
+            lower[axis] = upper[axis] = (lower, upper)[side][axis]
+            on_face = np.clip(points, lower, upper)
+            np.minimum(nearest, np.linalg.norm(points - on_face, axis=1), out=nearest)
+        return nearest
 
     @override
     def solid_side(self, points: Points) -> NDArray[np.bool_]:

@@ -18,7 +18,7 @@ LEVELS = 20
 """Levels that there is room for; cells double 18 times before they are used up."""
 CELL = 2.0
 """Width of the first level's cells [l0]."""
-PARALLEL_ROWS = 25_000
+PARALLEL_ROWS = 10_000
 """Levels with fewer rows are worked on by one thread: waking the others costs more than it saves."""
 
 # Words of the table: first row and number of rows of each level, then these.
@@ -28,10 +28,18 @@ TABLE = _COUNTERS + 6
 TOO_FEW_ROWS, TOO_FEW_SLOTS = 1, 2
 
 
-def blocks() -> int:
-    """Return how many blocks of rows are worked on side by side on a level that is large enough."""
+def blocks(rows: int = PARALLEL_ROWS + 1) -> int:
+    """Return how many blocks of rows are worked on side by side on a level of so many rows."""
     runtime = kernels.runtime()
-    return 1 if runtime.serial else 1024 if runtime.device != "cpu" else 16 * runtime.threads
+    if runtime.serial or rows <= PARALLEL_ROWS:
+        return 1
+    return 16 * runtime.threads if runtime.device == "cpu" else 1024
+
+
+def stretches() -> int:
+    """Return how many stretches of rows are combined side by side; each has a marker for every column."""
+    runtime = kernels.runtime()
+    return 4 * runtime.threads if runtime.device == "cpu" else 64
 
 
 @kernels.cached
@@ -306,8 +314,8 @@ def stages() -> Any:
         return cursor
 
     return SimpleNamespace(
-        bound=bound, arrange_rows=arrange_rows, zero=zero, shape=shape, cells=cells, place=place, scan=scan, scatter=scatter,
-        split=split, number=number, combine=combine,
+        bound=bound, arrange_rows=arrange_rows, zero=zero, shape=shape, cells=cells, place=place, scan=scan,
+        scatter=scatter, split=split, number=number, combine=combine,
     )  # fmt: skip
 
 
@@ -392,75 +400,10 @@ def particle_stages(d: int) -> Any:
                     for q in kernels.static(range(d)):
                         axis = kernels.static(d - 1 - q)
                         s = table[SHAPE + axis]
-                        c = c * s + qd.cast(index[axis], i32) % s
+                        # A position that is no number must not point outside.
+                        c = c * s + qd.max(qd.cast(index[axis], i32) % s, 0)
                     qd.atomic_add(scratch.cursor[c], 1)
             level.inverse[i] = inverse
             level.aggregate[i] = c
 
     return SimpleNamespace(survey=survey, grid=grid, place_particles=place_particles)
-
-
-@kernels.cached
-def coarsening() -> Any:
-    """Return the function that builds level k + 1 from level k in one thread."""
-    i32 = kernels.i32
-    Level, Scratch = level_type(), scratch_type()
-    Rows = kernels.array_type(i32)
-    s = stages()
-
-    @kernels.func
-    def coarsen(level: Level, coarse: Level, scratch: Scratch, table: Rows, k: i32, rows: i32, slots: i32):  # type: ignore[no-untyped-def, valid-type]
-        """Build level k + 1 once the rows of level k are counted into cells."""
-        at = table[2 * k]
-        to = at + table[2 * k + 1]
-        if k == 0:
-            to = 0
-        n = s.cells(table, k)
-        s.scan(n, scratch.cursor, scratch.begin)
-        s.scatter(0, 1, level, at, table[2 * k + 1], scratch)
-        s.split(0, 1, level, at, n, kernels.qd.min(k, 1), scratch)
-        found = s.scan(n, scratch.cursor, scratch.base)
-        table[2 * k + 2] = to
-        table[2 * k + 3] = found
-        if to + found > rows:
-            table[OVERFLOW] |= TOO_FEW_ROWS
-        elif found > 0:
-            s.number(0, 1, level, at, coarse, to, n, scratch)
-            used = table[SLOTS]
-            table[SLOTS] = s.combine(0, 1, level, at, coarse, to, found, used, slots - used, scratch, table)
-            s.arrange_rows(0, 1, coarse, to, found)
-            table[DEPTH] = k + 2
-
-    return coarsen
-
-
-@kernels.cached
-def build_in_one_thread(d: int) -> Any:
-    """Return the kernel that builds all levels in one go."""
-    qd, real = kernels.qd, kernels.runtime().real
-    i32 = kernels.i32
-    Level, Scratch = level_type(), scratch_type()
-    Rows, Vectors = kernels.array_type(i32), kernels.array_type(kernels.vector(d))
-    s, p, coarsen = stages(), particle_stages(d), coarsening()
-
-    @kernels.kernel
-    def build_levels(
-        level: Level, coarse: Level, scratch: Scratch, table: Rows, low: Vectors, high: Vectors, position: Vectors,  # type: ignore[valid-type]
-        state: Rows, cell: real, count: i32, rows: i32, slots: i32, most: i32,  # type: ignore[valid-type]
-    ):  # fmt: skip
-        qd.loop_config(serialize=True)
-        for _ in range(1):
-            p.survey(0, 1, position, state, low, high, scratch.sums, count)
-            p.grid(1, low, high, scratch.sums, table, cell, most)
-            s.zero(0, 1, scratch.cursor, s.cells(table, 0), 0)
-            p.place_particles(0, 1, level, position, state, low, scratch.sums, scratch, table, cell, count)
-            s.arrange_rows(0, 1, level, 0, table[1])
-            coarsen(level, coarse, scratch, table, 0, rows, slots)
-            k = 1
-            while table[DEPTH] == k + 1 and table[OVERFLOW] == 0 and k < LEVELS:
-                s.zero(0, 1, scratch.cursor, s.cells(table, k), 0)
-                s.place(0, 1, coarse, table[2 * k], table[2 * k + 1], k, scratch, table)
-                coarsen(coarse, coarse, scratch, table, k, rows, slots)
-                k += 1
-
-    return build_levels

@@ -35,7 +35,7 @@ class StabilisedBiconjugateGradient(Solver, name="bicgstab"):
             *matrix, *vectors, particles["rhs"], particles["row_state"], partial, scalars, running,
             self.tolerance, particles.count,
         )  # fmt: skip
-        if int(running.to_numpy()) == 1:
+        if int(kernels.host(running)) == 1:
             iterate(
                 *matrix,
                 *vectors,
@@ -46,7 +46,7 @@ class StabilisedBiconjugateGradient(Solver, name="bicgstab"):
                 self.largest_iterations,
                 particles.count,
             )
-        return solution(scalars.to_numpy(), self)
+        return solution(kernels.host(scalars), self)
 
 
 @kernels.cached

@@ -34,11 +34,11 @@ class Components:
                 system.start, particles["row_length"], system.column, state, label,
                 particles["grounded"], self._changed, particles.count,
             )  # fmt: skip
-            if self._changed.to_numpy()[0] == 0:
+            if kernels.host(self._changed)[0] == 0:
                 break
         self._floating.fill(0)
         _ground_kernel()(state, label, particles["grounded"], self._floating, particles.count)
-        if self._floating.to_numpy()[0] == 0:
+        if kernels.host(self._floating)[0] == 0:
             return []
         labels, tied = particles.numpy("component"), particles.numpy("grounded")
         unknown = particles.numpy("row_state") == UNKNOWN

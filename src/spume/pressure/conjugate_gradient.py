@@ -38,7 +38,7 @@ class ConjugateGradient(Solver, name="cg"):
             *matrix, *vectors, particles["rhs"], particles["row_state"], partial, scalars, running,
             self.tolerance, particles.count,
         )  # fmt: skip
-        if int(running.to_numpy()) == 1:
+        if int(kernels.host(running)) == 1:
             iterate(
                 *matrix,
                 *vectors,
@@ -49,7 +49,7 @@ class ConjugateGradient(Solver, name="cg"):
                 self.largest_iterations,
                 particles.count,
             )
-        return solution(scalars.to_numpy(), self)
+        return solution(kernels.host(scalars), self)
 
 
 def solution(scalars: Any, solver: Solver) -> Solution:

@@ -11,8 +11,8 @@ from typing import Any
 from spume import kernels
 from spume.pressure.aggregation import level_type, stages
 
-SMOOTH, RESTRICT, CORRECT, POLISH, FIRST, SECOND = range(6)
-"""Operations on a level that a program consists of."""
+SMOOTH, RESTRICT, CORRECT, POLISH, FIRST, SECOND, RUN = range(7)
+"""Operations on a level that a program consists of; RUN stands for several in a row."""
 
 # Scalars of the outer iteration; from SCALARS on, four of each level.
 RIGHT, REST, IMAGE_OF_DIRECTION, ITERATIONS, STEP, TURN = 0, 1, 2, 4, 5, 6
@@ -342,3 +342,86 @@ def solve_in_one_thread() -> Any:
                 scalars[REST] = partial[0]
 
     return solve_by_multigrid
+
+
+@kernels.cached
+def parallel_kernels() -> Any:
+    """Return the kernels that work on one level with all threads, and the one that runs a part of the program."""
+    qd, real = kernels.qd, kernels.runtime().real
+    i32 = kernels.i32
+    Level = level_type()
+    Reals, Rows = kernels.array_type(real), kernels.array_type(i32)
+    c, o, run = cycle_stages(), outer_stages(), run_function()
+
+    @kernels.kernel
+    def start(
+        level: Level, x: Reals, rhs: Reals, p: Reals, q: Reals, partial: Reals, scalars: Reals, n: i32, parts: i32,  # type: ignore[valid-type]
+    ):  # fmt: skip
+        qd.loop_config(block_dim=1)
+        for b in range(parts):
+            o.residual(b, parts, level, x, rhs, p, q, partial, n)
+        for _ in range(1):
+            o.begin(parts, partial, scalars)
+
+    @kernels.kernel
+    def descend(level: Level, at: i32, n: i32, coarse: Level, to: i32, n_coarse: i32, parts: i32):  # type: ignore[no-untyped-def, valid-type]
+        qd.loop_config(block_dim=1)
+        for b in range(parts):
+            c.smooth(b, parts, level, at, n)
+        qd.loop_config(block_dim=1)
+        for b in range(parts):
+            c.restrict(b, parts, level, at, coarse, to, n_coarse)
+
+    @kernels.kernel
+    def ascend(level: Level, at: i32, n: i32, coarse: Level, to: i32, parts: i32):  # type: ignore[no-untyped-def, valid-type]
+        qd.loop_config(block_dim=1)
+        for b in range(parts):
+            c.correct(b, parts, level, at, n, coarse, to)
+        qd.loop_config(block_dim=1)
+        for b in range(parts):
+            c.polish(b, parts, level, at, n)
+
+    @kernels.kernel
+    def advance(level: Level, x: Reals, p: Reals, q: Reals, partial: Reals, scalars: Reals, n: i32, parts: i32):  # type: ignore[no-untyped-def, valid-type]
+        qd.loop_config(block_dim=1)
+        for b in range(parts):
+            o.products(b, parts, level, q, partial, n)
+        for _ in range(1):
+            o.decide(parts, partial, scalars)
+        qd.loop_config(block_dim=1)
+        for b in range(parts):
+            o.advance(b, parts, level, x, p, q, partial, scalars, n)
+        for _ in range(1):
+            scalars[REST] = c.total(partial, parts, 0)
+
+    @kernels.kernel
+    def first(level: Level, at: i32, n: i32, number: i32, partial: Reals, scalars: Reals, parts: i32):  # type: ignore[no-untyped-def, valid-type]
+        qd.loop_config(block_dim=1)
+        for b in range(parts):
+            c.first_products(b, parts, level, at, n, partial)
+        for _ in range(1):
+            c.first_scalars(parts, number, partial, scalars)
+        qd.loop_config(block_dim=1)
+        for b in range(parts):
+            c.first_step(b, parts, level, at, n, number, scalars)
+
+    @kernels.kernel
+    def second(level: Level, at: i32, n: i32, number: i32, partial: Reals, scalars: Reals, parts: i32):  # type: ignore[no-untyped-def, valid-type]
+        qd.loop_config(block_dim=1)
+        for b in range(parts):
+            c.second_products(b, parts, level, at, n, partial)
+        for _ in range(1):
+            c.second_scalars(parts, number, partial, scalars)
+        qd.loop_config(block_dim=1)
+        for b in range(parts):
+            c.second_step(b, parts, level, at, n, number, scalars)
+
+    @kernels.kernel
+    def run_part(operations: Rows, begin: i32, end: i32, coarse: Level, table: Rows, partial: Reals, scalars: Reals):  # type: ignore[no-untyped-def, valid-type]
+        qd.loop_config(serialize=True)
+        for _ in range(1):
+            run(operations, begin, end, coarse, table, partial, scalars)
+
+    return SimpleNamespace(
+        start=start, descend=descend, ascend=ascend, advance=advance, first=first, second=second, run_part=run_part
+    )

@@ -3,11 +3,12 @@
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field as Parameter
 
 from spume import kernels
 from spume.particles import Field, Particles
-from spume.pressure import aggregation, cycle
+from spume.pressure import aggregation, cycle, levels
 from spume.pressure.base import Solution, Solver
 from spume.pressure.conjugate_gradient import solution
 from spume.pressure.matrix import LinearSystem
@@ -65,41 +66,117 @@ class _Workspace:
         self._operations = kernels.array(kernels.i32, 8)
         self._program: tuple[int, int] = (-1, -1)
         self._length = 0
+        self._steps: list[tuple[int, int]] = []
         self._scalars = kernels.array(self._real, cycle.SCALARS + 4 * (aggregation.LEVELS + 1))
         self._partial = kernels.array(self._real, 3 * self._parts)
         self._low, self._high = (kernels.array(kernels.vector(d), self._parts) for _ in range(2))
         self._coarse: Any = None
+        self._host_table: NDArray[np.int32] = np.zeros(aggregation.TABLE, np.int32)
 
     def solve(self, solver: Multigrid, system: LinearSystem, particles: Particles) -> Solution:
         self._reserve(particles.capacity, particles.capacity // 3 + 64, 8 * particles.capacity)
         level = self._particles_level(system, particles)
+        vectors = [particles[n] for n in ("pressure", "rhs", "multigrid_direction", "multigrid_product")]
+        vectors += [self._partial, self._scalars]
+        alone = aggregation.blocks(particles.count) == 1
+        build = self._build_in_one_thread if alone else self._build_with_threads
         while True:
-            aggregation.build_in_one_thread(self._d)(
-                level, self._coarse, self._scratch, self._table, self._low, self._high, particles["position"],
-                particles["row_state"], aggregation.CELL * particles.spacing, particles.count, self._rows, self._slots,
-                self._cells,
-            )  # fmt: skip
-            table = self._table.to_numpy()
-            if table[aggregation.OVERFLOW] == 0:
+            depth, lacking = build(level, particles)
+            if lacking == 0:
                 break
-            more = table[aggregation.OVERFLOW]
             self._reserve(
                 particles.capacity,
-                self._rows * (2 if more & aggregation.TOO_FEW_ROWS else 1),
-                self._slots * (2 if more & aggregation.TOO_FEW_SLOTS else 1),
+                self._rows * (2 if lacking & aggregation.TOO_FEW_ROWS else 1),
+                self._slots * (2 if lacking & aggregation.TOO_FEW_SLOTS else 1),
             )
-        self._plan(int(table[aggregation.DEPTH]), solver.inner_levels)
-        cycle.solve_in_one_thread()(
-            level, self._coarse, self._table, self._operations, self._length, particles["pressure"], particles["rhs"],
-            particles["multigrid_direction"], particles["multigrid_product"], self._partial,
-            self._scalars, solver.tolerance, solver.largest_iterations,
-        )  # fmt: skip
-        return solution(self._scalars.to_numpy(), solver)
+        self._plan(depth, solver.inner_levels)
+        if alone:
+            cycle.solve_in_one_thread()(
+                level, self._coarse, self._table, self._operations, self._length, *vectors,
+                solver.tolerance, solver.largest_iterations,
+            )  # fmt: skip
+        else:
+            self._iterate(level, vectors, solver)
+        # One element at a time: copying the whole array would wake the thread pool.
+        return solution(self._scalars, solver)
+
+    def _arguments(self, level: Any, particles: Particles) -> list[Any]:
+        return [
+            level, self._coarse, self._scratch, self._table, self._low, self._high, particles["position"],
+            particles["row_state"], float(aggregation.CELL * particles.spacing), particles.count, self._rows,
+            self._slots, self._cells,
+        ]  # fmt: skip
+
+    def _build_in_one_thread(self, level: Any, particles: Particles) -> tuple[int, int]:
+        """Build the levels; return their number and what there was no room for."""
+        code = int(levels.build_in_one_thread(self._d)(*self._arguments(level, particles)))
+        return code % levels.BEHIND_DEPTH, code // levels.BEHIND_DEPTH
+
+    def _build_with_threads(self, level: Any, particles: Particles) -> tuple[int, int]:
+        build_first, build_next, build_rest = levels.build_with_threads(self._d)
+        build_first(*self._arguments(level, particles))
+        table, k = self._table.to_numpy(), 1
+        while table[aggregation.DEPTH] == k + 1 and not table[aggregation.OVERFLOW]:
+            room = (self._rows, self._slots)
+            if aggregation.blocks(int(table[2 * k + 1])) == 1:
+                build_rest(self._coarse, self._scratch, self._table, k, *room)
+                table = self._table.to_numpy()
+                break
+            build_next(self._coarse, self._scratch, self._table, k, *room)
+            table, k = self._table.to_numpy(), k + 1
+        self._host_table = table
+        return int(table[aggregation.DEPTH]), int(table[aggregation.OVERFLOW])
+
+    def _iterate(self, level: Any, vectors: list[Any], solver: Multigrid) -> None:
+        """Iterate with all threads on the large levels; runs of operations on small ones are one launch each."""
+        kernel, table = cycle.parallel_kernels(), self._host_table
+        x, rhs, p, q, partial, scalars = vectors
+        coarse, n = self._coarse, int(table[1])
+        parts, part_of_coarse = self._parts, int(table[3])
+        runs = self._runs(table)
+        kernel.start(level, x, rhs, p, q, partial, scalars, n, parts)
+        while True:
+            # Written so that a residual that is not a number ends the iteration.
+            if not scalars[cycle.REST] > solver.tolerance**2 * scalars[cycle.RIGHT]:
+                return
+            if scalars[cycle.ITERATIONS] >= solver.largest_iterations:
+                return
+            kernel.descend(level, 0, n, coarse, 0, part_of_coarse if self._length else 0, parts)
+            for operation, k, begin, end in runs:
+                at, rows = int(table[2 * k]), int(table[2 * k + 1])
+                if operation == cycle.RUN:
+                    kernel.run_part(self._operations, begin, end, coarse, self._table, partial, scalars)
+                elif operation == cycle.RESTRICT:
+                    kernel.descend(coarse, at, rows, coarse, at + rows, int(table[2 * k + 3]), parts)
+                elif operation == cycle.CORRECT:
+                    kernel.ascend(coarse, at, rows, coarse, at + rows, parts)
+                elif operation == cycle.FIRST:
+                    kernel.first(coarse, at, rows, k, partial, scalars, parts)
+                elif operation == cycle.SECOND:
+                    kernel.second(coarse, at, rows, k, partial, scalars, parts)
+            kernel.ascend(level, 0, n, coarse, 0, parts)
+            kernel.advance(level, x, p, q, partial, scalars, n, parts)
+
+    def _runs(self, table: NDArray[np.int32]) -> list[tuple[int, int, int, int]]:
+        """Group the program: single operations on large levels, runs of operations on small ones."""
+        found: list[tuple[int, int, int, int]] = []
+        for index, (operation, k) in enumerate(self._steps):
+            last = k + 1 == table[aggregation.DEPTH]
+            if aggregation.blocks(int(table[2 * k + 1])) > 1 and not last:
+                # ``descend`` smooths and restricts, ``ascend`` corrects and polishes.
+                if operation not in (cycle.SMOOTH, cycle.POLISH):
+                    found.append((operation, k, index, index + 1))
+            elif found and found[-1][0] == cycle.RUN:
+                found[-1] = (cycle.RUN, k, found[-1][2], index + 1)
+            else:
+                found.append((cycle.RUN, k, index, index + 1))
+        return found
 
     def _plan(self, depth: int, inner: int) -> None:
         if self._program == (depth, inner):
             return
-        operations = np.array(cycle.program(depth, inner), dtype=np.int32).ravel()
+        self._steps = cycle.program(depth, inner)
+        operations = np.array(self._steps, dtype=np.int32).ravel()
         self._length = len(operations) // 2
         self._operations = kernels.array(kernels.i32, max(len(operations), 8))
         padded = np.zeros(self._operations.shape[0], dtype=np.int32)
@@ -124,18 +201,19 @@ class _Workspace:
         self._scratch = aggregation.scratch_type()(
             **{n: kernels.array(kernels.i32, self._cells + 2) for n in ("begin", "cursor", "base")},
             **{n: kernels.array(kernels.i32, capacity) for n in ("order", "label")},
-            marker=kernels.array(kernels.i32, self._rows),
+            marker=kernels.array(kernels.i32, aggregation.stretches() * self._rows),
             sums=kernels.array(kernels.i32, 1024),
         )
 
     def _particles_level(self, system: LinearSystem, particles: Particles) -> Any:
         mine = {n: particles[f"multigrid_{n}"] for n in (*_REALS, *_ROWS)}
         return aggregation.level_type()(
-            row=mine["row"], start=system.start, lower=mine["lower"], upper=mine["upper"], length=particles["row_length"],
-            column=system.column, value=system.value, diagonal=particles["diagonal"], inverse=mine["inverse"],
-            aggregate=mine["aggregate"], member=mine["member"], first=mine["member"], last=mine["member"],
-            cell=mine["member"], right=mine["residual"], old=mine["before"], new=mine["correction"],
-            image=mine["image"], kept=mine["image"],
+            row=mine["row"], start=system.start, lower=mine["lower"], upper=mine["upper"],
+            length=particles["row_length"], column=system.column, value=system.value,
+            diagonal=particles["diagonal"], inverse=mine["inverse"], aggregate=mine["aggregate"],
+            member=mine["member"], first=mine["member"], last=mine["member"], cell=mine["member"],
+            right=mine["residual"], old=mine["before"], new=mine["correction"], image=mine["image"],
+            kept=mine["image"],
         )  # fmt: skip
 
 

@@ -92,6 +92,7 @@ def bounded_correction_matrix(
     pairs: Pairs,
     over: int = ANY,
     floor: float = 0.3,
+    rows: int = FLUID,
 ) -> None:
     """Write C_i = [M_i + theta_i (I - M_i)]^-1 into ``correction``, theta the row's share in the free surface.
 
@@ -100,5 +101,5 @@ def bounded_correction_matrix(
     """
     pair_sum(
         bounded_moment, particles, pairs, out="correction", weight=operator.weight, re=operator.radius(lattice),
-        over=over, arguments=(lattice.dimension / operator.n0(lattice), floor),
+        over=over, rows=rows, arguments=(lattice.dimension / operator.n0(lattice), floor),
     )  # fmt: skip

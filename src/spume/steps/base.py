@@ -14,8 +14,8 @@ from spume.pairs import row_map, row_term
 from spume.particles import ANY, FLUID, WALL, Field, Particles
 from spume.pressure.base import Solver
 from spume.pressure.components import COMPONENT
-from spume.pressure.conjugate_gradient import ConjugateGradient
 from spume.pressure.matrix import SYSTEM_FIELDS, UNKNOWN
+from spume.pressure.multigrid import Multigrid
 from spume.schemes.collision.base import Collision
 from spume.schemes.collision.inelastic import Inelastic
 from spume.schemes.divergence.base import Divergence
@@ -118,7 +118,7 @@ class Step(Scheme, family="step"):
     """Right side of the pressure Poisson equation."""
     laplacian: Laplacian = OriginalLaplacian()
     """Laplacian of the pressure matrix."""
-    solver: Solver = ConjugateGradient()
+    solver: Solver = Multigrid()
     """Linear solver."""
     gradient: Gradient = Corrected()
     """Gradient of the pressure."""

@@ -47,14 +47,15 @@ def weighted_product(a, b, r, w):  # type: ignore[no-untyped-def]
 
 
 @row_term(reads=("near_weight", "near_offset", "near_velocity", "near_moment", "near_product"))
-def fitted_gradient(a):  # type: ignore[no-untyped-def]
+def fitted_gradient(a, least):  # type: ignore[no-untyped-def]
     total = max(a.near_weight, 1e-30)
     spread = (a.near_moment - a.near_offset.outer_product(a.near_offset) / total) / total
     together = (a.near_product - a.near_velocity.outer_product(a.near_offset) / total) / total
     gradient = together * 0.0
     size = spread.trace() / spread.n
-    # A single file of rows has no spread across itself: no gradient is taken from it.
-    if size > 0.0 and abs((spread / max(size, 1e-30)).determinant()) > 1e-3:
+    # A single row has no spread, but its rounding errors are no measure of anything; a single file of rows has
+    # none across itself. No gradient is taken from either.
+    if size > least and abs((spread / max(size, least)).determinant()) > 1e-3:
         gradient = together @ spread.inverse()
     return gradient
 
@@ -80,7 +81,9 @@ def image_velocities(operator: Operator, lattice: Lattice, particles: Particles,
         rows=WALL,
         over=FLUID,
     )
-    row_map(fitted_gradient, particles, out="near_gradient", rows=WALL)
+    row_map(
+        fitted_gradient, particles, out="near_gradient", rows=WALL, arguments=(1e-3 * lattice.spacing**2,)
+    )  # fmt: skip
     _image_kernel(particles.dimension)(
         particles["kind"], particles["slip"], particles["master"], particles["position"], particles["to_surface"],
         particles["velocity"], particles["wall_velocity"], particles["near_weight"], particles["near_offset"],

@@ -59,7 +59,6 @@ class Pressure(Gauge, name="pressure"):
             )
 
     def measure(self, snapshot: Snapshot) -> dict[str, float]:
-        points = self._points(snapshot)
         l0 = snapshot.spacing
         position = np.asarray(snapshot["position"], dtype=float)
         centre = np.asarray(self.at, dtype=float)
@@ -69,6 +68,7 @@ class Pressure(Gauge, name="pressure"):
         fluid = near[kind == FLUID]
         if len(fluid) == 0:
             return {"pressure": 0.0}
+        points = self._points(snapshot)
         wall = near[kind == WALL]
         wall = wall[wet_rows(snapshot, wall, fluid)]
         rows = np.concatenate([fluid, wall])

@@ -6,7 +6,7 @@ from pydantic import Field as Parameter
 
 from spume.lattice import Lattice
 from spume.pairs import Pairs, pair_sum, pair_term
-from spume.particles import ANY, Particles
+from spume.particles import ANY, FLUID, WALL, Particles
 from spume.schemes.correction import CORRECTION, bounded_correction_matrix
 from spume.schemes.divergence.base import Divergence, mirrored
 from spume.schemes.free_surface.base import SURFACE_SHARE
@@ -37,9 +37,11 @@ class Blended(Divergence, name="blended"):
     """Least eigenvalue of the matrix that is inverted [1]."""
 
     def __call__(self, lattice: Lattice, particles: Particles, pairs: Pairs, out: str, mirror: bool = False) -> None:
-        """Write the divergence of ``velocity`` [1/s] at fluid rows into ``out``."""
-        bounded_correction_matrix(self, lattice, particles, pairs, ANY, self.floor)
+        """Write the divergence of ``velocity`` [1/s] at fluid and wall rows into ``out``."""
+        # Where solid rows move like mirror images, wall rows have no equation and need no divergence.
+        rows = FLUID if mirror else FLUID | WALL
+        bounded_correction_matrix(self, lattice, particles, pairs, ANY, self.floor, rows)
         pair_sum(
-            approach, particles, pairs, out=out, weight=self.weight, re=self.radius(lattice),
+            approach, particles, pairs, out=out, weight=self.weight, re=self.radius(lattice), rows=rows,
             arguments=(lattice.dimension / self.n0(lattice), float(mirror)),
         )  # fmt: skip

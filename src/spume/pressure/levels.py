@@ -1,0 +1,217 @@
+"""Kernels that build the levels of the multigrid method, in one thread or with all of them."""
+
+from typing import Any
+
+from spume import kernels
+from spume.pressure.aggregation import (
+    DEPTH,
+    LEVELS,
+    OVERFLOW,
+    PARALLEL_ROWS,
+    SLOTS,
+    TOO_FEW_ROWS,
+    blocks,
+    level_type,
+    particle_stages,
+    scratch_type,
+    stages,
+    stretches,
+)
+
+
+@kernels.cached
+def coarsening() -> Any:
+    """Return the function that builds level k + 1 from level k in one thread."""
+    i32 = kernels.i32
+    Level, Scratch = level_type(), scratch_type()
+    Rows = kernels.array_type(i32)
+    s = stages()
+
+    @kernels.func
+    def coarsen(level: Level, coarse: Level, scratch: Scratch, table: Rows, k: i32, rows: i32, slots: i32):  # type: ignore[no-untyped-def, valid-type]
+        """Build level k + 1 once the rows of level k are counted into cells."""
+        at = table[2 * k]
+        to = at + table[2 * k + 1]
+        if k == 0:
+            to = 0
+        n = s.cells(table, k)
+        s.scan(n, scratch.cursor, scratch.begin)
+        s.scatter(0, 1, level, at, table[2 * k + 1], scratch)
+        s.split(0, 1, level, at, n, kernels.qd.min(k, 1), scratch)
+        found = s.scan(n, scratch.cursor, scratch.base)
+        table[2 * k + 2] = to
+        table[2 * k + 3] = found
+        if to + found > rows:
+            table[OVERFLOW] |= TOO_FEW_ROWS
+        elif found > 0:
+            s.number(0, 1, level, at, coarse, to, n, scratch)
+            used = table[SLOTS]
+            table[SLOTS] = s.combine(0, 1, level, at, coarse, to, found, used, slots - used, scratch, table)
+            s.arrange_rows(0, 1, coarse, to, found)
+            table[DEPTH] = k + 2
+
+    return coarsen
+
+
+BEHIND_DEPTH = 256
+"""What is lacking, in what the kernel in one thread returns, is multiplied by this, to stand beside the depth."""
+
+
+@kernels.cached
+def build_in_one_thread(d: int) -> Any:
+    """Return the kernel that builds all levels in one go; it returns their number, and what there was no room for."""
+    qd, real = kernels.qd, kernels.runtime().real
+    i32 = kernels.i32
+    Level, Scratch = level_type(), scratch_type()
+    Rows, Vectors = kernels.array_type(i32), kernels.array_type(kernels.vector(d))
+    s, p, coarsen = stages(), particle_stages(d), coarsening()
+
+    @kernels.kernel
+    def build_levels(
+        level: Level, coarse: Level, scratch: Scratch, table: Rows, low: Vectors, high: Vectors, position: Vectors,  # type: ignore[valid-type]
+        state: Rows, cell: real, count: i32, rows: i32, slots: i32, most: i32,  # type: ignore[valid-type]
+    ) -> i32:  # type: ignore[valid-type]  # fmt: skip
+        qd.loop_config(serialize=True)
+        for _ in range(1):
+            p.survey(0, 1, position, state, low, high, scratch.sums, count)
+            p.grid(1, low, high, scratch.sums, table, cell, most)
+            s.zero(0, 1, scratch.cursor, s.cells(table, 0), 0)
+            p.place_particles(0, 1, level, position, state, low, scratch.sums, scratch, table, cell, count)
+            s.arrange_rows(0, 1, level, 0, table[1])
+            coarsen(level, coarse, scratch, table, 0, rows, slots)
+            k = 1
+            while table[DEPTH] == k + 1 and table[OVERFLOW] == 0 and k < LEVELS:
+                s.zero(0, 1, scratch.cursor, s.cells(table, k), 0)
+                s.place(0, 1, coarse, table[2 * k], table[2 * k + 1], k, scratch, table)
+                coarsen(coarse, coarse, scratch, table, k, rows, slots)
+                k += 1
+        return table[DEPTH] + BEHIND_DEPTH * table[OVERFLOW]
+
+    return build_levels
+
+
+@kernels.cached
+def build_with_threads(d: int) -> tuple[Any, Any, Any]:
+    """Return the kernels that build the first level, a further level, and all that are left in one thread."""
+    qd, real = kernels.qd, kernels.runtime().real
+    i32 = kernels.i32
+    Level, Scratch = level_type(), scratch_type()
+    Rows, Vectors = kernels.array_type(i32), kernels.array_type(kernels.vector(d))
+    s, p, coarsen = stages(), particle_stages(d), coarsening()
+    parts, combined = blocks(), stretches()
+
+    @kernels.func
+    def enter(table: Rows, k: i32, found: i32, rows: i32):  # type: ignore[no-untyped-def, valid-type]
+        """Note the rows of level k + 1 in the table, or that there is no room for them."""
+        to = table[2 * k] + table[2 * k + 1]
+        if k == 0:
+            to = 0
+        table[2 * k + 2] = to
+        table[2 * k + 3] = found
+        if to + found > rows:
+            table[OVERFLOW] |= TOO_FEW_ROWS
+            table[2 * k + 3] = 0
+        elif found > 0:
+            table[DEPTH] = k + 2
+
+    @kernels.func
+    def room(table: Rows, slots: i32):  # type: ignore[no-untyped-def, valid-type]
+        """Return the slots that the next level may spread over."""
+        return (slots - table[SLOTS]) // 5 * 4
+
+    @kernels.kernel
+    def build_first(
+        level: Level, coarse: Level, scratch: Scratch, table: Rows, low: Vectors, high: Vectors, position: Vectors,  # type: ignore[valid-type]
+        state: Rows, cell: real, count: i32, rows: i32, slots: i32, most: i32,  # type: ignore[valid-type]
+    ):  # fmt: skip
+        qd.loop_config(block_dim=1)
+        for b in range(parts):
+            p.survey(b, parts, position, state, low, high, scratch.sums, count)
+        for _ in range(1):
+            p.grid(parts, low, high, scratch.sums, table, cell, most)
+        qd.loop_config(block_dim=1)
+        for b in range(parts):
+            s.zero(b, parts, scratch.cursor, s.cells(table, 0), 0)
+        qd.loop_config(block_dim=1)
+        for b in range(parts):
+            p.place_particles(b, parts, level, position, state, low, scratch.sums, scratch, table, cell, count)
+        qd.loop_config(block_dim=1)
+        for b in range(parts):
+            s.arrange_rows(b, parts, level, 0, table[1])
+        for _ in range(1):
+            s.scan(s.cells(table, 0), scratch.cursor, scratch.begin)
+        qd.loop_config(block_dim=1)
+        for b in range(parts):
+            s.scatter(b, parts, level, 0, table[1], scratch)
+        qd.loop_config(block_dim=1)
+        for b in range(parts):
+            s.split(b, parts, level, 0, s.cells(table, 0), 0, scratch)
+        for _ in range(1):
+            enter(table, 0, s.scan(s.cells(table, 0), scratch.cursor, scratch.base), rows)
+        qd.loop_config(block_dim=1)
+        for b in range(parts):
+            if table[OVERFLOW] == 0:
+                s.number(b, parts, level, 0, coarse, 0, s.cells(table, 0), scratch)
+        qd.loop_config(block_dim=1)
+        for b in range(combined):
+            s.combine(b, combined, level, 0, coarse, 0, table[3], 0, room(table, slots), scratch, table)
+        for _ in range(1):
+            table[SLOTS] += room(table, slots)
+        qd.loop_config(block_dim=1)
+        for b in range(parts):
+            arrange_coarse(b, coarse, table, 1)
+
+    @kernels.func
+    def arrange_coarse(b: i32, coarse: Level, table: Rows, k: i32):  # type: ignore[no-untyped-def, valid-type]
+        n = table[2 * k + 1]
+        if n > PARALLEL_ROWS:
+            s.arrange_rows(b, parts, coarse, table[2 * k], n)
+        elif b == 0:
+            s.arrange_rows(0, 1, coarse, table[2 * k], n)
+
+    @kernels.kernel
+    def build_next(coarse: Level, scratch: Scratch, table: Rows, k: i32, rows: i32, slots: i32):  # type: ignore[no-untyped-def, valid-type]
+        qd.loop_config(block_dim=1)
+        for b in range(parts):
+            s.zero(b, parts, scratch.cursor, s.cells(table, k), 0)
+        qd.loop_config(block_dim=1)
+        for b in range(parts):
+            s.place(b, parts, coarse, table[2 * k], table[2 * k + 1], k, scratch, table)
+        for _ in range(1):
+            s.scan(s.cells(table, k), scratch.cursor, scratch.begin)
+        qd.loop_config(block_dim=1)
+        for b in range(parts):
+            s.scatter(b, parts, coarse, table[2 * k], table[2 * k + 1], scratch)
+        qd.loop_config(block_dim=1)
+        for b in range(parts):
+            s.split(b, parts, coarse, table[2 * k], s.cells(table, k), 1, scratch)
+        for _ in range(1):
+            enter(table, k, s.scan(s.cells(table, k), scratch.cursor, scratch.base), rows)
+        qd.loop_config(block_dim=1)
+        for b in range(parts):
+            if table[OVERFLOW] == 0:
+                s.number(b, parts, coarse, table[2 * k], coarse, table[2 * k + 2], s.cells(table, k), scratch)
+        qd.loop_config(block_dim=1)
+        for b in range(combined):
+            s.combine(
+                b, combined, coarse, table[2 * k], coarse, table[2 * k + 2], table[2 * k + 3], table[SLOTS],
+                room(table, slots), scratch, table,
+            )  # fmt: skip
+        for _ in range(1):
+            table[SLOTS] += room(table, slots)
+        qd.loop_config(block_dim=1)
+        for b in range(parts):
+            arrange_coarse(b, coarse, table, k + 1)
+
+    @kernels.kernel
+    def build_rest(coarse: Level, scratch: Scratch, table: Rows, first: i32, rows: i32, slots: i32):  # type: ignore[no-untyped-def, valid-type]
+        qd.loop_config(serialize=True)
+        for _ in range(1):
+            k = first
+            while table[DEPTH] == k + 1 and table[OVERFLOW] == 0 and k < LEVELS:
+                s.zero(0, 1, scratch.cursor, s.cells(table, k), 0)
+                s.place(0, 1, coarse, table[2 * k], table[2 * k + 1], k, scratch, table)
+                coarsen(coarse, coarse, scratch, table, k, rows, slots)
+                k += 1
+
+    return build_first, build_next, build_rest

@@ -1,0 +1,179 @@
+"""The multigrid method: right on any arrangement, as many iterations for many rows as for few, the same bits again."""
+
+import numpy as np
+import pytest
+import scipy.sparse.linalg
+
+from arrangements import block, table
+from conftest import initialized
+from spume.pressure import aggregation, cycle
+from spume.pressure.base import NotConverged
+from spume.pressure.components import COMPONENT, Components
+from spume.pressure.conjugate_gradient import ConjugateGradient
+from spume.pressure.matrix import ABSENT, KNOWN, SYSTEM_FIELDS, UNKNOWN, LinearSystem
+from spume.pressure.multigrid import Multigrid
+from spume.schemes.free_surface.base import SURFACE_SHARE
+from spume.schemes.laplacian.original import Original
+from spume.schemes.source.base import SOURCE
+
+FIELDS = (*SYSTEM_FIELDS, SURFACE_SHARE, SOURCE, COMPONENT, *ConjugateGradient.needs, *Multigrid.needs)
+
+
+def assembled(position, tied=None, seed=0, periodic=False, **rows):
+    """Return (particles, system) of rows that are all unknown but for ``rows``; ``tied`` ones are a free surface."""
+    n, d = position.shape
+    rng = np.random.default_rng(seed)
+    given = {
+        "row_state": np.full(n, UNKNOWN), "source": rng.normal(size=n),
+        "surface_diagonal": 0.05 * (np.zeros(n) if tied is None else tied), "density": np.full(n, 1.0),
+    } | rows  # fmt: skip
+    half = 0.05 * round(n ** (1 / d))
+    lattice, particles, pairs = table(
+        position, fields=FIELDS, skin=0.1, region=([-half] * d, [half] * d) if periodic else None,
+        periodic=[periodic] * d, **given,
+    )  # fmt: skip
+    system = LinearSystem()
+    system.assemble(Original(), lattice, particles, pairs)
+    return particles, system
+
+
+def sparse(particles, system):
+    """Return matrix and right side of the unknown rows, and their row numbers."""
+    n, length = particles.count, particles.numpy("row_length")
+    unknown = np.flatnonzero(particles.numpy("row_state") == UNKNOWN)
+    rows = np.repeat(np.arange(n), length)
+    slots = np.repeat(system.start.to_numpy()[:n] - np.cumsum(length) + length, length) + np.arange(length.sum())
+    matrix = scipy.sparse.csr_matrix((system.value.to_numpy()[slots], (rows, system.column.to_numpy()[slots])), (n, n))
+    matrix += scipy.sparse.diags(particles.numpy("diagonal"))
+    return matrix.tocsr()[unknown][:, unknown], particles.numpy("rhs")[unknown], unknown
+
+
+def solved(particles, system, tolerance=1e-11, **parameters):
+    """Solve from zero; return the solution's figures, the pressure of unknown rows and that of a direct solver."""
+    pressure = particles.numpy("pressure")
+    matrix, rhs, unknown = sparse(particles, system)
+    pressure[unknown] = 0.0
+    particles.set("pressure", pressure)
+    solution = Multigrid(tolerance=tolerance, **parameters)(system, particles)
+    after = particles.numpy("pressure")
+    others = np.setdiff1d(np.arange(particles.count), unknown)
+    assert np.array_equal(after[others], pressure[others]), "only unknown rows change"
+    assert np.linalg.norm(rhs - matrix @ after[unknown]) <= 3 * tolerance * np.linalg.norm(rhs)
+    return solution, after[unknown], lambda: scipy.sparse.linalg.spsolve(matrix.tocsc(), rhs)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("inner_levels", [20, 0])
+def test_against_a_direct_solver(every_runtime, d, seed, inner_levels):
+    double = every_runtime.precision == "double"
+    n = 14**2 if d == 2 else 7**3
+    position = block(d, 14 if d == 2 else 7, disturbance=0.3, seed=seed)
+    rng = np.random.default_rng(seed)
+    state = rng.choice([ABSENT, UNKNOWN, UNKNOWN, UNKNOWN, KNOWN], n)
+    particles, system = assembled(position, np.full(n, 0.2), row_state=state, pressure=rng.normal(size=n))
+    tolerance = 1e-11 if double else 1e-5
+    solution, pressure, direct = solved(particles, system, tolerance, inner_levels=inner_levels)
+    assert pressure == pytest.approx(direct(), abs=(1e-8 if double else 2e-3) * float(np.abs(pressure).max()))
+    assert 0 < solution.iterations < 40
+    # A warm start from the solution has nothing left to do.
+    assert Multigrid(tolerance=20 * tolerance)(system, particles).iterations == 0
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_iterations_do_not_grow_with_the_number_of_rows(runtime, d):
+    counts = []
+    for cells in (30, 120) if d == 2 else (10, 25):
+        position = block(d, cells, disturbance=0.2)
+        particles, system = assembled(position, position[:, -1] > position[:, -1].max() - 0.1)
+        particles.set("pressure", np.zeros(particles.count))
+        counts.append(Multigrid(tolerance=1e-6)(system, particles).iterations)
+    assert max(counts) <= 14, counts
+    assert counts[1] <= 1.25 * counts[0] + 1, counts
+    # What it is measured against: the diagonal alone.
+    particles.set("pressure", np.zeros(particles.count))
+    assert ConjugateGradient(tolerance=1e-6)(system, particles).iterations > 4 * counts[1]
+
+
+def test_drops_and_thin_walls(runtime):
+    """Two deep pools a wall apart, of which one is tied to the air far away, and drops of one to four rows."""
+    pool = block(2, 40, disturbance=0.1) + np.array([0.0, 2.0])
+    other = pool + np.array([4.4, 0.0])
+    rng = np.random.default_rng(3)
+    corners = np.stack(np.meshgrid(np.arange(30) * 0.65 - 6.0, np.arange(8) * 0.65 + 5.0), axis=-1).reshape(-1, 2)
+    drops = [c + rng.uniform(-0.09, 0.09, (rng.integers(1, 5), 2)) for c in corners]
+    position = np.vstack([pool, other, *drops])
+    tied = np.full(len(position), 0.02)
+    for k in (0, 1):
+        rows = slice(k * len(pool), (k + 1) * len(pool))
+        tied[rows] = position[rows, 1] > position[rows, 1].max() - (0.1 if k else 0.3)
+    particles, system = assembled(position, tied)
+    solution, pressure, direct = solved(particles, system, 1e-10)
+    assert pressure == pytest.approx(direct(), abs=1e-6 * np.abs(pressure).max())
+    assert solution.iterations <= 25
+
+
+@pytest.mark.parametrize("periodic", [True, False], ids=["periodic", "closed"])
+@pytest.mark.parametrize("d", [2, 3])
+def test_a_system_without_a_known_pressure(runtime, d, periodic):
+    position = block(d, 14 if d == 2 else 7, disturbance=0.3, seed=5)
+    particles, system = assembled(position, periodic=periodic)
+    components = Components()
+    found = components.project(system, particles)
+    solution = Multigrid(tolerance=1e-10)(system, particles)
+    components.centre(found, particles)
+    pressure = particles.numpy("pressure")
+    matrix, rhs, _ = sparse(particles, system)
+    direct = np.linalg.lstsq(matrix.toarray(), rhs, rcond=None)[0]
+    assert pressure == pytest.approx(direct - direct.mean(), abs=1e-7 * np.abs(direct).max())
+    assert solution.iterations < 25
+
+
+def test_nothing_to_solve_and_lone_rows(runtime):
+    particles, system = assembled(block(2, 5), row_state=np.full(25, KNOWN))
+    assert Multigrid()(system, particles).iterations == 0
+    # Far apart: rows without an entry, no coarse level at all.
+    particles, system = assembled(block(2, 5) * 9.0, np.ones(25))
+    solution, pressure, direct = solved(particles, system)
+    assert solution.iterations <= 1
+    assert pressure == pytest.approx(direct())
+
+
+def test_not_converged(runtime):
+    particles, system = assembled(block(2, 20, disturbance=0.2), np.full(400, 0.001))
+    with pytest.raises(NotConverged, match=r"multigrid: relative residual .* after 2 iterations"):
+        Multigrid(tolerance=1e-9, largest_iterations=2)(system, particles)
+    rhs = particles.numpy("rhs")
+    rhs[7] = np.nan
+    particles.set("rhs", rhs)
+    with pytest.raises(NotConverged):
+        Multigrid()(system, particles)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_the_same_bits_again(device, threads):
+    """Enough rows that with two threads the first coarse level, too, is built and worked on by both."""
+    initialized(device, threads, "double")
+    position = block(2, 230, disturbance=0.2)
+    assert len(position) > 4.5 * aggregation.PARALLEL_ROWS
+    particles, system = assembled(position, position[:, 1] > 11.3)
+    found = []
+    for _ in range(3):
+        particles.set("pressure", np.zeros(particles.count))
+        solution = Multigrid(tolerance=1e-6)(system, particles)
+        found.append(particles.numpy("pressure"))
+    assert np.array_equal(found[0], found[1])
+    assert np.array_equal(found[0], found[2])
+    assert solution.iterations <= 14
+    matrix, rhs, _ = sparse(particles, system)
+    assert np.linalg.norm(rhs - matrix @ found[0]) < 1.1e-6 * np.linalg.norm(rhs)
+
+
+def test_the_program_of_a_cycle():
+    """Two inner iterations on the two finest coarse levels: 1, 2, 4, 4, 4 visits."""
+    assert cycle.program(1, 20) == []
+    operations = cycle.program(6, 2)
+    visits = [operations.count((cycle.POLISH, level)) for level in range(1, 6)]
+    assert visits == [2, 4, 4, 4, 4]
+    assert operations.count((cycle.SECOND, 2)) == 2
+    assert operations.count((cycle.RESTRICT, 5)) == 0
