@@ -1,6 +1,6 @@
 """Cost of a whole step by stage: the 3D dam break at a spacing, without output.
 
-    python benchmarks/step.py [spacing [threads [steps [solver]]]]
+python benchmarks/step.py [spacing [threads [steps [solver]]]]
 """
 
 import resource
@@ -33,8 +33,12 @@ def main() -> None:
     rows = simulation.particles.count
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     print(f"spacing {spacing} m, {fluid} fluid particles, {rows} rows, {threads} threads")
-    print(f"  step: median {median(times) / fluid * 1e6:.2f} us per fluid particle ({min(times) / fluid * 1e6:.2f} best)")
-    print(f"        {median(times) / rows * 1e6:.2f} us per row; mean dt {simulation.time / simulation.step_index:.2e} s")
+    print(
+        f"  step: median {median(times) / fluid * 1e6:.2f} us per fluid particle ({min(times) / fluid * 1e6:.2f} best)"
+    )
+    print(
+        f"        {median(times) / rows * 1e6:.2f} us per row; mean dt {simulation.time / simulation.step_index:.2e} s"
+    )
     for name, seconds in sorted(stage_times.items(), key=lambda item: -item[1]):
         print(f"  {name:12s} {seconds / steps / fluid * 1e6:7.3f} us per fluid particle and step")
     print(f"  iterations: {sum(iterations) / steps:.1f}; memory, all in: {memory / rows:.0f} B per row")

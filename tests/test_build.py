@@ -215,6 +215,23 @@ class TestPeriodic:
         assert solid.sum() == 5 * 5
         assert rows["position"][solid][:, 0].min() > 0.0
 
+    def test_fluid_beyond_the_period_is_moved_into_it(self):
+        a_case = self.plates()
+        shifted = Fluid(name="water", shape=Box(lower=(0.2, 0), upper=(0.7, 1.0)))
+        rows = initial_rows(a_case.model_copy(update={"fluid": (shifted,)}))
+        x = rows["position"][rows["kind"] == FLUID]
+        assert np.unique(np.round(x[:, 0], 9)).tolist() == [0.05, 0.15, 0.25, 0.35, 0.45]
+        assert len(np.unique(np.round(x, 9), axis=0)) == 50
+
+    def test_fluids_that_meet_across_the_period_overlap(self):
+        a_case = self.plates()
+        left = Fluid(name="left", shape=Box(lower=(0, 0), upper=(0.3, 1.0)))
+        right = Fluid(name="right", shape=Box(lower=(0.3, 0), upper=(0.6, 1.0)))
+        text = complaint(a_case.model_copy(update={"fluid": (left, right)}))
+        assert "10 of the 30 particles of fluid 'right' lie in fluid 'left'" in text
+        long = Fluid(name="long", shape=Box(lower=(0, 0), upper=(0.6, 1.0)))
+        assert "overlaps itself" in complaint(a_case.model_copy(update={"fluid": (long,)}))
+
     def test_the_period_is_a_whole_number_of_spacings(self):
         assert "5.5 spacings" in complaint(self.plates(0.55))
 

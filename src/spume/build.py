@@ -129,6 +129,8 @@ def _fluid_cells(case: Case, grid: Grid) -> list[NDArray[np.float64]]:
                     case.problem(loc, f"no particle fits: it holds no cell of the spacing {grid.spacing:g} m")
                 )
         keys = _keys(grid.cells(points), grid, case)
+        if len(np.unique(keys)) < len(keys):
+            problems.append(case.problem(loc, "longer than a period of the domain: it overlaps itself"))
         for name, others in taken.items():
             shared = np.isin(keys, others)
             if shared.any():

@@ -45,7 +45,7 @@ class Lattice:
 def _sums(weight: Any, re: float, dimension: int) -> tuple[float, float]:
     reach = int(np.ceil(re))
     axis = np.arange(-reach, reach + 1)
-    squares = sum(a.astype(float) ** 2 for a in np.meshgrid(*[axis] * dimension))
+    squares = np.sum([a.astype(float) ** 2 for a in np.meshgrid(*[axis] * dimension)], axis=0)
     r = np.sqrt(squares[(squares > 0) & (squares < re * re)])
     w = weight.values(r, re)
     return float(w.sum()), float((w * r**2).sum())

@@ -130,7 +130,7 @@ class NeighbourList:
     def _wrap_and_bound(self, particles: Particles) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         d = particles.dimension
         kernel = _wrap_and_bound_kernel(d, self.periodic)
-        kernel(particles["position"], self._partial, particles.count, *self.lower, *self.period)
+        kernel(particles["position"], self._partial, particles.count, *map(float, self.lower), *self.period)
         partial = kernels.host(self._partial)
         return partial[:_REDUCTION_BLOCKS].min(axis=0), partial[_REDUCTION_BLOCKS:].max(axis=0)
 
@@ -184,8 +184,8 @@ class NeighbourList:
             self._cursor,
             count,
             cells + 1,
-            *origin,
-            *size,
+            *map(float, origin),
+            *map(float, size),
             *[int(s) for s in shape],
         )
         _scan_kernel()(self._cursor, self._cell_start, self._sums, cells + 1)
@@ -204,7 +204,7 @@ class NeighbourList:
         _list_kernel(d, self.periodic)(
             particles["position"], particles["kind"], self._cell_start, self.start, self.length, self.neighbour,
             self._flag, count, self._rows_per_block, self._slots_per_block, self.radius + self.current_skin,
-            *origin, *size, *[int(s) for s in shape], *self.period,
+            *map(float, origin), *map(float, size), *[int(s) for s in shape], *self.period,
         )  # fmt: skip
         return int(kernels.host(self._flag)[0]) <= self._slots_per_block
 

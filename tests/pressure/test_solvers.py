@@ -91,7 +91,7 @@ def test_against_a_direct_solver(every_runtime, solver, d, seed):
     assert after[unknown] == pytest.approx(direct, abs=(1e-9 if double else 2e-3) * np.abs(direct).max())
     others = np.setdiff1d(np.arange(n), unknown)
     assert np.array_equal(after[others], before[others]), "only unknown rows change"
-    assert 0 < solution.iterations < 300
+    assert 0 < solution.iterations < 50, "steepest descent would take hundreds"
     assert solution.residual <= 2 * tolerance
     residual = np.linalg.norm(rhs - matrix @ after[unknown]) / np.linalg.norm(rhs)
     assert residual < 10 * tolerance

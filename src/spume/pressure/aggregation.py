@@ -18,6 +18,8 @@ LEVELS = 20
 """Levels that there is room for; cells double 18 times before they are used up."""
 CELL = 2.0
 """Width of the first level's cells [l0]."""
+DAMPING = 0.85
+"""Of the Jacobi sweeps; below 1 it is safe for every diagonally dominant matrix. Lone rows are not damped."""
 PARALLEL_ROWS = 10_000
 """Levels with fewer rows are worked on by one thread: waking the others costs more than it saves."""
 
@@ -52,13 +54,11 @@ def level_type() -> Any:
     class Level:
         row: Rows  # type: ignore[valid-type]  # rows that have an equation, in ascending order
         start: Starts  # type: ignore[valid-type]  # first slot of a row
-        lower: Rows  # type: ignore[valid-type]  # entries of a row with columns before it in its block come first,
-        upper: Rows  # type: ignore[valid-type]  # from here on stand those behind it in its block,
-        length: Rows  # type: ignore[valid-type]  # between the two those in other blocks
+        length: Rows  # type: ignore[valid-type]  # entries beside the diagonal
         column: Rows  # type: ignore[valid-type]
         value: Reals  # type: ignore[valid-type]
         diagonal: Reals  # type: ignore[valid-type]
-        inverse: Reals  # type: ignore[valid-type]  # of the diagonal; 0 for a row that has no equation
+        inverse: Reals  # type: ignore[valid-type]  # of the diagonal, damped; 0 for a row that has no equation
         aggregate: Rows  # type: ignore[valid-type]  # row of the next level, -1 for none
         member: Rows  # type: ignore[valid-type]  # rows of this level by aggregate
         first: Rows  # type: ignore[valid-type]  # members of a row of the level before: first,
@@ -103,54 +103,6 @@ def stages() -> Any:
     @kernels.func
     def bound(b: i32, parts: i32, n: i32):  # type: ignore[no-untyped-def]
         return qd.cast(qd.cast(n, i64) * b // parts, i32)
-
-    @kernels.func
-    def arrange(level: Level, at: i32, own: i32, begin: i32, end: i32):  # type: ignore[no-untyped-def, valid-type]
-        """Bring a row's entries into the order before, elsewhere, behind (columns of begin … end are the block)."""
-        row = at + own
-        first = level.start[row]
-        n = level.length[row]
-        lower = 0
-        k = 0
-        upper = n
-        while k < upper:
-            j = level.column[first + k]
-            if j >= begin and j < own:
-                if k != lower:
-                    level.column[first + k] = level.column[first + lower]
-                    level.column[first + lower] = j
-                    v = level.value[first + k]
-                    level.value[first + k] = level.value[first + lower]
-                    level.value[first + lower] = v
-                lower += 1
-                k += 1
-            elif j > own and j < end:
-                # Entries come in ascending order: from the end, only those that must move are moved.
-                upper -= 1
-                m = level.column[first + upper]
-                while upper > k and m > own and m < end:
-                    upper -= 1
-                    m = level.column[first + upper]
-                if upper > k:
-                    level.column[first + upper] = j
-                    level.column[first + k] = m
-                    v = level.value[first + k]
-                    level.value[first + k] = level.value[first + upper]
-                    level.value[first + upper] = v
-            else:
-                k += 1
-        level.lower[row] = lower
-        level.upper[row] = upper
-
-    @kernels.func
-    def arrange_rows(b: i32, parts: i32, level: Level, at: i32, n: i32):  # type: ignore[no-untyped-def, valid-type]
-        begin = bound(b, parts, n)
-        end = bound(b + 1, parts, n)
-        if begin < end:
-            low = level.row[at + begin]
-            high = level.row[at + end - 1] + 1
-            for t in range(begin, end):
-                arrange(level, at, level.row[at + t], low, high)
 
     @kernels.func
     def zero(b: i32, parts: i32, data: Rows, n: i32, value: i32):  # type: ignore[no-untyped-def, valid-type]
@@ -309,12 +261,13 @@ def stages() -> Any:
             coarse.length[row] = cursor - first
             coarse.diagonal[row] = total
             # Without a tie to a known pressure an aggregate that stands alone has no equation left.
-            coarse.inverse[row] = qd.select(total > tiny * size, 1 / qd.max(total, tiny * size), qd.cast(0, real))
+            weight = qd.select(cursor > first, qd.cast(DAMPING, real), qd.cast(1, real))
+            coarse.inverse[row] = qd.select(total > tiny * size, weight / qd.max(total, tiny * size), qd.cast(0, real))
             coarse.row[row] = own
         return cursor
 
     return SimpleNamespace(
-        bound=bound, arrange_rows=arrange_rows, zero=zero, shape=shape, cells=cells, place=place, scan=scan,
+        bound=bound, zero=zero, shape=shape, cells=cells, place=place, scan=scan,
         scatter=scatter, split=split, number=number, combine=combine,
     )  # fmt: skip
 
@@ -395,6 +348,7 @@ def particle_stages(d: int) -> Any:
                 if level.diagonal[i] > 0:
                     inverse = 1 / level.diagonal[i]
                 if level.length[i] > 0:
+                    inverse *= DAMPING
                     index = qd.floor(position[i] / cell) - origin
                     c = 0
                     for q in kernels.static(range(d)):

@@ -9,13 +9,27 @@ from spume.named import Scheme
 from spume.particles import Field, Particles
 from spume.pressure.matrix import LinearSystem
 
+START_SHARE = 1e-4
+"""Part of ||D x0|| (diagonal times first guess) that the right side is taken to have at least.
+
+Where the flow has no divergence the right side is rounding error; a residual relative to that alone could
+never be reached from a pressure that is not small.
+"""
+
 
 @dataclass(frozen=True)
 class Solution:
-    """How a solve went: iterations and relative residual ||b - A x|| / ||b||."""
+    """How a solve went.
+
+    Attributes:
+        iterations: number of iterations.
+        residual: ||b - A x|| / (||b||^2 + (START_SHARE ||D x0||)^2)^(1/2).
+        fallbacks: 1 if another method had to finish the solve.
+    """
 
     iterations: int
     residual: float
+    fallbacks: int = 0
 
 
 class NotConverged(RuntimeError):
@@ -30,7 +44,7 @@ class Solver(Scheme, family="solver"):
     needs: ClassVar[tuple[Field, ...]] = ()
 
     tolerance: float = Parameter(default=1e-5, gt=0.0, lt=1.0)
-    """Relative residual at which the iteration stops [1]."""
+    """Relative residual at which the iteration stops (see ``Solution``) [1]."""
     largest_iterations: int = Parameter(default=10_000, ge=1)
     """Iterations after which it gives up [1]."""
 

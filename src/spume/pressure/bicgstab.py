@@ -4,7 +4,7 @@ from typing import Any, ClassVar
 
 from spume import kernels
 from spume.particles import Field, Particles
-from spume.pressure.base import Solution, Solver
+from spume.pressure.base import START_SHARE, Solution, Solver
 from spume.pressure.conjugate_gradient import BLOCKS, solution
 from spume.pressure.matrix import UNKNOWN, LinearSystem
 
@@ -96,7 +96,7 @@ def _kernels() -> Any:
                 rest = qd.cast(0, real)
                 if state[i] == UNKNOWN:
                     rest = rhs[i] - row_product(start, length, column, value, diagonal, x, i)
-                    bb += rhs[i] * rhs[i]
+                    bb += rhs[i] * rhs[i] + START_SHARE**2 * (diagonal[i] * x[i]) ** 2
                 r[i] = rest
                 shadow[i] = rest
                 p[i] = rest

@@ -6,7 +6,7 @@ import numpy as np
 
 from spume import kernels
 from spume.particles import Field, Particles
-from spume.pressure.base import NotConverged, Solution, Solver
+from spume.pressure.base import START_SHARE, NotConverged, Solution, Solver
 from spume.pressure.matrix import UNKNOWN, LinearSystem
 
 BLOCKS = 128
@@ -115,7 +115,7 @@ def _kernels() -> Any:
                 rest = rhs[i] - diagonal[i] * x[i]
                 for k in range(length[i]):
                     rest -= value[first + k] * x[column[first + k]]
-                bb += rhs[i] * rhs[i]
+                bb += rhs[i] * rhs[i] + START_SHARE**2 * (diagonal[i] * x[i]) ** 2
             r[i] = rest
             p[i] = rest / diagonal[i]
             rr += rest * rest

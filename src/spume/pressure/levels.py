@@ -7,7 +7,6 @@ from spume.pressure.aggregation import (
     DEPTH,
     LEVELS,
     OVERFLOW,
-    PARALLEL_ROWS,
     SLOTS,
     TOO_FEW_ROWS,
     blocks,
@@ -47,7 +46,6 @@ def coarsening() -> Any:
             s.number(0, 1, level, at, coarse, to, n, scratch)
             used = table[SLOTS]
             table[SLOTS] = s.combine(0, 1, level, at, coarse, to, found, used, slots - used, scratch, table)
-            s.arrange_rows(0, 1, coarse, to, found)
             table[DEPTH] = k + 2
 
     return coarsen
@@ -77,7 +75,6 @@ def build_in_one_thread(d: int) -> Any:
             p.grid(1, low, high, scratch.sums, table, cell, most)
             s.zero(0, 1, scratch.cursor, s.cells(table, 0), 0)
             p.place_particles(0, 1, level, position, state, low, scratch.sums, scratch, table, cell, count)
-            s.arrange_rows(0, 1, level, 0, table[1])
             coarsen(level, coarse, scratch, table, 0, rows, slots)
             k = 1
             while table[DEPTH] == k + 1 and table[OVERFLOW] == 0 and k < LEVELS:
@@ -135,9 +132,6 @@ def build_with_threads(d: int) -> tuple[Any, Any, Any]:
         qd.loop_config(block_dim=1)
         for b in range(parts):
             p.place_particles(b, parts, level, position, state, low, scratch.sums, scratch, table, cell, count)
-        qd.loop_config(block_dim=1)
-        for b in range(parts):
-            s.arrange_rows(b, parts, level, 0, table[1])
         for _ in range(1):
             s.scan(s.cells(table, 0), scratch.cursor, scratch.begin)
         qd.loop_config(block_dim=1)
@@ -157,17 +151,6 @@ def build_with_threads(d: int) -> tuple[Any, Any, Any]:
             s.combine(b, combined, level, 0, coarse, 0, table[3], 0, room(table, slots), scratch, table)
         for _ in range(1):
             table[SLOTS] += room(table, slots)
-        qd.loop_config(block_dim=1)
-        for b in range(parts):
-            arrange_coarse(b, coarse, table, 1)
-
-    @kernels.func
-    def arrange_coarse(b: i32, coarse: Level, table: Rows, k: i32):  # type: ignore[no-untyped-def, valid-type]
-        n = table[2 * k + 1]
-        if n > PARALLEL_ROWS:
-            s.arrange_rows(b, parts, coarse, table[2 * k], n)
-        elif b == 0:
-            s.arrange_rows(0, 1, coarse, table[2 * k], n)
 
     @kernels.kernel
     def build_next(coarse: Level, scratch: Scratch, table: Rows, k: i32, rows: i32, slots: i32):  # type: ignore[no-untyped-def, valid-type]
@@ -199,9 +182,6 @@ def build_with_threads(d: int) -> tuple[Any, Any, Any]:
             )  # fmt: skip
         for _ in range(1):
             table[SLOTS] += room(table, slots)
-        qd.loop_config(block_dim=1)
-        for b in range(parts):
-            arrange_coarse(b, coarse, table, k + 1)
 
     @kernels.kernel
     def build_rest(coarse: Level, scratch: Scratch, table: Rows, first: i32, rows: i32, slots: i32):  # type: ignore[no-untyped-def, valid-type]

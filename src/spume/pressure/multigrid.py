@@ -7,14 +7,15 @@ from numpy.typing import NDArray
 from pydantic import Field as Parameter
 
 from spume import kernels
-from spume.particles import Field, Particles
+from spume.pairs import row_map, row_term
+from spume.particles import ANY, Field, Particles
 from spume.pressure import aggregation, cycle, levels
-from spume.pressure.base import Solution, Solver
-from spume.pressure.conjugate_gradient import solution
-from spume.pressure.matrix import LinearSystem
+from spume.pressure.base import NotConverged, Solution, Solver
+from spume.pressure.conjugate_gradient import ConjugateGradient, solution
+from spume.pressure.matrix import UNKNOWN, LinearSystem
 
 _REALS = {
-    "inverse": ("kg/m", "inverse of the diagonal"),
+    "inverse": ("kg/m", "damped inverse of the diagonal"),
     "residual": ("1/s^2", "residual r"),
     "before": ("Pa", "correction before the last sweep"),
     "correction": ("Pa", "correction z"),
@@ -24,11 +25,17 @@ _REALS = {
 }
 _ROWS = {
     "row": "rows that have an equation",
-    "lower": "entries of a row before it",
-    "upper": "first entry of a row behind it",
     "aggregate": "row's aggregate on the first coarse level",
     "member": "rows by aggregate",
 }
+
+ROOM = (1 / 3, 5.0)
+"""Rows of all coarse levels, and their entries, per particle that there is room for at first (it grows)."""
+
+
+@row_term(reads=("pressure", "row_state"))
+def no_pressure(a):  # type: ignore[no-untyped-def]
+    return kernels.qd.select(a.row_state == UNKNOWN, 0.0, a.pressure)
 
 
 class Multigrid(Solver, name="multigrid"):
@@ -43,16 +50,30 @@ class Multigrid(Solver, name="multigrid"):
     reference: ClassVar = "sodersten2019"
     symmetric_only: ClassVar = True
     needs: ClassVar = (
+        *ConjugateGradient.needs,
         *[Field(f"multigrid_{n}", (), unit, doc) for n, (unit, doc) in _REALS.items()],
         *[Field(f"multigrid_{n}", (), "1", doc, int) for n, doc in _ROWS.items()],
     )
 
+    patience: int = Parameter(default=100, ge=1)
+    """Iterations after which plain conjugate gradients take over [1]."""
     inner_levels: int = Parameter(default=20, ge=0)
     """Coarse levels that are solved by two inner iterations; the levels below by one cycle [1]."""
 
     def __call__(self, system: LinearSystem, particles: Particles) -> Solution:
-        """Solve for the unknown rows of ``pressure``."""
-        return _workspace(particles.dimension).solve(self, system, particles)
+        """Solve for the unknown rows of ``pressure``.
+
+        A cycle that does not converge in ``patience`` iterations (a matrix that is nearly singular) is given
+        up for conjugate gradients with the diagonal, and ``Solution.fallbacks`` says so.
+        """
+        hasty = self.model_copy(update={"largest_iterations": min(self.patience, self.largest_iterations)})
+        try:
+            return _workspace(particles.dimension).solve(hasty, system, particles)
+        except NotConverged:
+            row_map(no_pressure, particles, out="pressure", rows=ANY)
+            plain = ConjugateGradient(tolerance=self.tolerance, largest_iterations=self.largest_iterations)
+            found = plain(system, particles)
+            return Solution(found.iterations, found.residual, fallbacks=1)
 
 
 class _Workspace:
@@ -74,7 +95,8 @@ class _Workspace:
         self._host_table: NDArray[np.int32] = np.zeros(aggregation.TABLE, np.int32)
 
     def solve(self, solver: Multigrid, system: LinearSystem, particles: Particles) -> Solution:
-        self._reserve(particles.capacity, particles.capacity // 3 + 64, 8 * particles.capacity)
+        room = (int(share * particles.capacity) + 1 for share in ROOM)
+        self._reserve(particles.capacity, *room)
         level = self._particles_level(system, particles)
         vectors = [particles[n] for n in ("pressure", "rhs", "multigrid_direction", "multigrid_product")]
         vectors += [self._partial, self._scalars]
@@ -189,7 +211,7 @@ class _Workspace:
             return
         self._capacity, self._rows, self._slots = capacity, max(rows, self._rows), max(slots, self._slots)
         self._cells = capacity + (1 << 16)
-        integers = ("row", "lower", "upper", "length", "aggregate", "member", "first", "last", "cell")
+        integers = ("row", "length", "aggregate", "member", "first", "last", "cell")
         reals = ("diagonal", "inverse", "right", "old", "new", "image", "kept")
         self._coarse = aggregation.level_type()(
             start=kernels.array(kernels.i64, self._rows),
@@ -208,7 +230,7 @@ class _Workspace:
     def _particles_level(self, system: LinearSystem, particles: Particles) -> Any:
         mine = {n: particles[f"multigrid_{n}"] for n in (*_REALS, *_ROWS)}
         return aggregation.level_type()(
-            row=mine["row"], start=system.start, lower=mine["lower"], upper=mine["upper"],
+            row=mine["row"], start=system.start,
             length=particles["row_length"], column=system.column, value=system.value,
             diagonal=particles["diagonal"], inverse=mine["inverse"], aggregate=mine["aggregate"],
             member=mine["member"], first=mine["member"], last=mine["member"], cell=mine["member"],

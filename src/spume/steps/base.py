@@ -3,9 +3,10 @@
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, Self
 
 import numpy as np
+from pydantic import model_validator
 
 from spume import kernels
 from spume.domain import Domain
@@ -133,7 +134,28 @@ class Step(Scheme, family="step"):
     shifting: Shifting
     """Particle shifting."""
 
+    instants: ClassVar[tuple[str, ...]] = ("k", "*")
+    """Instants at which the step can evaluate a source."""
     fields: ClassVar[tuple[Field, ...]] = (*SYSTEM_FIELDS, COMPONENT)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.source.instant not in self.instants:
+            raise ValueError(
+                f"source {self.source.key!r} is evaluated at moved positions, which {self.key!r} does not have: "
+                "choose divergence or divergence-density, or the step predict-move-project"
+            )
+        if self.wall_model.mirror and not self.source.from_velocity:
+            raise ValueError(
+                f"source {self.source.key!r} with wall_model {self.wall_model.key!r} counts the wall's flux twice: "
+                "choose the wall_model resting, or the source divergence or divergence-density"
+            )
+        if self.solver.symmetric_only and not self.laplacian.symmetric:
+            raise ValueError(
+                f"solver {self.solver.key!r} needs a symmetric matrix, which the laplacian {self.laplacian.key!r} "
+                "does not give: choose bicgstab"
+            )
+        return self
 
     def __call__(self, domain: Domain, t: float, dt: float) -> dict[str, float]:
         """Advance the domain from t to t + dt; return figures of the step (iterations, residual, limiters)."""
@@ -174,8 +196,8 @@ def stage(name: str) -> Iterator[None]:
 
 def accelerate(domain: Domain, t: float) -> None:
     """Set ``acceleration`` of every row to gravity at the time t."""
-    g = [*domain.gravity.at(t), 0.0][:3]
-    f = [*domain.gravity.focus, 0.0][:3]
+    g = [*map(float, domain.gravity.at(t)), 0.0][:3]
+    f = [*map(float, domain.gravity.focus), 0.0][:3]
     row_map(
         central_acceleration, domain.particles, out="acceleration", rows=ANY,
         arguments=(*g, *f, domain.gravity.stiffness),
@@ -217,6 +239,7 @@ def solve_pressure(step: Step, domain: Domain, surface_pressure: float) -> dict[
         "iterations": solution.iterations,
         "residual": solution.residual,
         "clipped": 0,
+        "fallbacks": solution.fallbacks,
     }
     if not step.negative_pressure:
         figures["clipped"] = _clip(particles)

@@ -39,6 +39,7 @@ class ProjectInPlace(Step, name="project-in-place"):
 
     ids: ClassVar = ("A1",)
     reference: ClassVar = "cummins1999"
+    instants: ClassVar = ("k",)
 
     free_surface: FreeSurface = BlendedSurface()
     """Detection of the free surface."""

@@ -18,6 +18,9 @@ class Source(Scheme, family="source"):
     instant: ClassVar[str]
     """Positions at which it is evaluated: ``k`` (start of the step) or ``*`` (after the predictor moved)."""
 
+    from_velocity: ClassVar[bool]
+    """Whether it measures the motion of the fluid by velocities (not by the crowding of rows)."""
+
     def __call__(
         self, lattice: Lattice, particles: Particles, pairs: Pairs, dt: float,
         divergence: Any, number_density: Any, mirror: bool,

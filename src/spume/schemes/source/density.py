@@ -22,6 +22,7 @@ class Density(Source, name="density"):
     ids: ClassVar = ("A4", "S1")
     reference: ClassVar = "koshizuka1996"
     instant: ClassVar = "*"
+    from_velocity: ClassVar = False
 
     def __call__(
         self, lattice: Lattice, particles: Particles, pairs: Pairs, dt: float,

@@ -22,6 +22,7 @@ class VelocityDivergence(Source, name="divergence"):
     ids: ClassVar = ("S5",)
     reference: ClassVar = "cummins1999"
     instant: ClassVar = "k"
+    from_velocity: ClassVar = True
 
     def __call__(
         self, lattice: Lattice, particles: Particles, pairs: Pairs, dt: float,

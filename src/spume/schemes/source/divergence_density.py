@@ -28,6 +28,7 @@ class DivergenceDensity(Source, name="divergence-density"):
     ids: ClassVar = ("S6",)
     reference: ClassVar = "tanaka2010"
     instant: ClassVar = "k"
+    from_velocity: ClassVar = True
 
     gamma: float = Parameter(default=0.05, ge=0.0, le=1.0)
     """Share of the density error that one step corrects [1]."""
