@@ -165,6 +165,16 @@ def test_files_are_found_beside_the_case_then_among_the_built_in_ones(tmp_path):
             Reads.model_validate({"file": wrong}, context={"folder": tmp_path})
 
 
+def test_a_misspelt_key_does_not_lose_the_folder_of_the_files(tmp_path):
+    class Reads(Parameters):
+        file: File
+
+    (tmp_path / "a.csv").write_text("x")
+    with pytest.raises(ValidationError) as caught:
+        Reads.model_validate({"file": "a.csv", "colum": 1}, context={"folder": tmp_path})
+    assert list(errors(caught)) == ["colum"]
+
+
 @pytest.mark.parametrize(
     ("word", "known", "answer"),
     [
