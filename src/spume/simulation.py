@@ -87,7 +87,7 @@ class Simulation:
         dt = clock.next_dt(
             domain.lattice,
             speed,
-            self._acceleration,
+            self._acceleration / self.step.steadiness**2,
             self.step.viscosity.max_dt(domain.lattice, self._viscosity),
             min((body.max_dt() for body in domain.bodies), default=inf),
         )

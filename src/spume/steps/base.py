@@ -134,6 +134,8 @@ class Step(Scheme, family="step"):
     shifting: Shifting
     """Particle shifting."""
 
+    steadiness: ClassVar[float] = 1.0
+    """Part of the limit courant sqrt(l0/|a|) of the time step up to which a fluid at rest stays at rest."""
     instants: ClassVar[tuple[str, ...]] = ("k", "*")
     """Instants at which the step can evaluate a source."""
     fields: ClassVar[tuple[Field, ...]] = (*SYSTEM_FIELDS, COMPONENT)

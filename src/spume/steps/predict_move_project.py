@@ -38,6 +38,8 @@ class PredictMoveProject(Step, name="predict-move-project"):
 
     ids: ClassVar = ("A1",)
     reference: ClassVar = "koshizuka1996"
+    # The density source answers dt^2 g with a pressure of its own size: at four times this a resting column explodes.
+    steadiness: ClassVar = 0.25
     fields: ClassVar = (*Step.fields, Field("velocity_before", ("d",), "m/s", "predicted velocity"))
 
     source: Source = Density()
