@@ -71,7 +71,7 @@ def test_no_line_for_what_is_not_there():
 SCALARS = (
     st.booleans()
     | st.integers(-(2**53), 2**53)
-    | st.floats(allow_nan=False)
+    | st.floats(allow_nan=False, allow_subnormal=False)  # kernels flush subnormal numbers to zero
     | st.text(st.characters(exclude_categories=["Cs"]), max_size=12)
 )
 VALUES = st.recursive(
