@@ -34,7 +34,13 @@ LEVELS = ("level-1", "level-2", "level-3", "level-4")
 def run(dimension: int, cells: int, folder: Path) -> dict[str, object]:
     """Run the case at H/l0 = cells; return its summary and its pressure series."""
     name = "dam-break" if dimension == 2 else "dam-break-3d"
-    settings = [f"spacing={H / cells!r}", "time.end=1.0", "output.pictures=false", "output.animation=none"]
+    settings = [
+        f"spacing={H / cells!r}",
+        "time.end=1.0",
+        "time.courant=0.2",
+        "output.pictures=false",
+        "output.animation=none",
+    ]
     case = load(name, settings)
     case.run(folder)
     summary = json.loads((folder / "summary.json").read_text())
