@@ -1,0 +1,117 @@
+"""The application: its options, what every command shares, and how mistakes become messages and exit codes."""
+
+from __future__ import annotations
+
+import functools
+import logging
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from spume.case import Case
+
+DONE, INPUT, DIVERGED, STOPPED = 0, 2, 3, 4
+
+app = typer.Typer(
+    help="Simulate flow with a free surface by the Moving Particle Semi-implicit (MPS) method.",
+    epilog="Exit codes: 0 done, 2 input to correct, 3 the simulation diverged, 4 interrupted.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+CaseArgument = Annotated[
+    str, typer.Argument(metavar="CASE", help="A case file, or the name of a built-in case (spume cases).")
+]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Replace a key: spacing=0.02, time.end=0.1, body.tank.slip=free-slip. May be repeated.",
+    ),
+]
+DeviceOption = Annotated[
+    str | None, typer.Option(help="cpu, cuda, vulkan, metal or amdgpu; default: SPUME_DEVICE, else cpu.")
+]
+ThreadsOption = Annotated[int | None, typer.Option(min=1, help="Processor threads; default: all that may be used.")]
+PrecisionOption = Annotated[str | None, typer.Option(help="double or single.")]
+
+
+def answers(command: Callable[..., None]) -> Callable[..., None]:
+    """Turn what a user can mend into a message and an exit code; anything else keeps its traceback."""
+
+    @functools.wraps(command)
+    def answering(*args: Any, **kwargs: Any) -> None:
+        try:
+            command(*args, **kwargs)
+        except (ValueError, OSError) as error:
+            from spume.problems import CaseError
+
+            if not isinstance(error, CaseError | OSError):
+                raise
+            _complain(str(error))
+            raise typer.Exit(INPUT) from None
+        except RuntimeError as error:
+            code = {"DeviceError": INPUT, "Diverged": DIVERGED}.get(type(error).__name__)
+            if code is None:
+                raise
+            _complain(str(error))
+            raise typer.Exit(code) from None
+        except KeyboardInterrupt:
+            _complain("interrupted")
+            raise typer.Exit(STOPPED) from None
+
+    return answering
+
+
+def _complain(text: str) -> None:
+    for line in text.splitlines():
+        typer.echo(f"error: {line}", err=True)
+
+
+def _version(value: bool) -> None:
+    if value:
+        import spume
+
+        typer.echo(f"spume {spume.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Log what happens in detail.")] = False,
+) -> None:
+    from rich.console import Console
+    from rich.logging import RichHandler
+
+    handler = RichHandler(console=Console(stderr=True), show_time=False, show_path=False)
+    logger = logging.getLogger("spume")
+    logger.handlers[:] = [handler]
+    logger.setLevel(logging.DEBUG if verbose else logging.INFO)
+    logger.propagate = False
+
+
+def new_console() -> Console:
+    """Return the console that results are printed on."""
+    from rich.console import Console
+
+    return Console()
+
+
+def load_case(
+    case: str, replaced: list[str] | None, device: str | None, threads: int | None, precision: str | None
+) -> Case:
+    """Return the case with the command line's replacements; options go before --set."""
+    from spume.case import load
+
+    options = {"device": device, "threads": threads, "precision": precision}
+    return load(case, replaced or [], {key: value for key, value in options.items() if value is not None})

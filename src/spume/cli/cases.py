@@ -1,0 +1,58 @@
+"""spume cases, spume new: where a case comes from."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from spume.cli.app import answers, app, new_console
+
+
+@app.command()
+@answers
+def cases() -> None:
+    """List the built-in cases."""
+    import tomllib
+
+    from rich.table import Table
+
+    from spume.named import CASES
+
+    table = Table("name", "title")
+    for path in sorted(CASES.glob("*/case.toml")):
+        with path.open("rb") as file:
+            table.add_row(path.parent.name, tomllib.load(file).get("title", ""))
+    console = new_console()
+    console.print(table)
+    console.print("Run one with: spume run NAME", highlight=False)
+
+
+@app.command()
+@answers
+def new(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the case; the file is NAME.toml.")],
+    source: Annotated[
+        str | None,
+        typer.Option("--from", metavar="CASE", help="Case to start from, a file or a built-in name."),
+    ] = None,
+) -> None:
+    """Write a commented case file."""
+    from spume.named import CASES
+
+    path = Path(f"{name.removesuffix('.toml')}.toml")
+    if not re.fullmatch(r"[^\s/\\.][^\s/\\]*", name.removesuffix(".toml")):
+        raise typer.BadParameter(f"{name!r}: a file name without blanks or folders is allowed", param_hint="NAME")
+    if path.exists():
+        raise FileExistsError(f"{path} exists already; nothing is overwritten: choose another name")
+    if source is None:
+        text = (CASES / "template.toml").read_text(encoding="utf-8").format(name=path.stem)
+    else:
+        from spume.case import find_case
+
+        origin, _ = find_case(source)
+        text = origin.read_text(encoding="utf-8")
+    path.write_text(text, encoding="utf-8")
+    new_console().print(f"Wrote {path}. Look at it, then: spume check {path}", highlight=False)
