@@ -65,6 +65,7 @@ BASE_FIELDS = (
     Field("id", (), "1", "stable number of the particle", int, output=True, constant=True, restart=True),
     Field("free_surface", (), "1", "1 on the free surface", int, output=True, restart=True),
     Field("to_surface", ("d",), "m", "solid rows: vector to the nearest point of the wetted surface", restart=True),
+    Field("dry", (), "1", "1 for solid rows that no fluid is near: they take no part", int, restart=True),
     Field("master", (), "1", "dummy rows: id of the wall row that they copy", int, constant=True, restart=True),
 )  # fmt: skip
 
@@ -79,6 +80,11 @@ class Particles:
         spacing: l0 [m].
         fields: fields beyond the base fields.
         capacity: rows to make room for; the table grows by doubling.
+
+    Attributes:
+        count: rows of the table.
+        active: rows that take part in the steps; those behind them are solid and dry (see ``part``).
+        changed: rows came or went since the neighbours were searched.
     """
 
     def __init__(self, dimension: int, spacing: float, fields: Iterable[Field] = (), capacity: int = 1024) -> None:
@@ -86,12 +92,15 @@ class Particles:
         self.spacing = spacing
         self.count = 0
         self.capacity = max(int(capacity), 1)
+        self.active = 0
         self.changed = True
+        self._parted = False
         self.fields: dict[str, Field] = {}
         self._arrays: dict[str, Any] = {}
         self._spares: dict[Any, Any] = {}
         self._next_id = 0
         self._row_of_id: Any = None
+        self._row_of_id_valid = False
         self._partial: Any = None
         self.declare(BASE_FIELDS)
         self.declare(fields)
@@ -164,6 +173,8 @@ class Particles:
             full[self.count : self.count + new] = values
             kernels.publish(self._arrays[name], full)
         self.count += new
+        self.active = self.count
+        self._row_of_id_valid = False
         self._next_id = max(self._next_id + new, int(self.numpy("id").max()) + 1)
         self.changed = True
 
@@ -177,6 +188,8 @@ class Particles:
             full[: self.count - gone] = full[: self.count][~rows]
             kernels.publish(self._arrays[name], full)
         self.count -= gone
+        self.active = self.count
+        self._row_of_id_valid = False
         self.changed = True
         return gone
 
@@ -189,15 +202,33 @@ class Particles:
                 if spare is None:
                     spare = kernels.array(self._type(field), self.capacity)
                 source = self._arrays[name]
-                _gather_kernel(*kind)(source, order, spare, self.count)
+                _gather_kernel(*kind, kernels.light(self.count))(source, order, spare, self.count)
                 self._arrays[name] = spare
                 self._spares[kind] = source
+        self._row_of_id_valid = False
+
+    def part(self, active: int) -> None:
+        """Let only the first ``active`` rows take part in the steps; the rows behind are solid and dry.
+
+        A row that has become dry loses its pressure and all that a step computes for it.
+        """
+        self.active = active
+        if active == self.count and not self._parted:
+            return
+        self._parted = active < self.count
+        lost = [n for n, f in self.fields.items() if not f.restart or n in ("pressure", "pressure_gradient")]
+        signature = tuple((n, self.fields[n].value_shape(self.dimension), self.fields[n].dtype is int) for n in lost)
+        initial = tuple(float(self.fields[n].initial) for n in lost)
+        _part_kernel(signature, initial)(self["dry"], *[self[n] for n in lost], active, self.count)
 
     def rows_by_id(self) -> Any:
         """Return a device array that holds the present row number of each id."""
         if self._row_of_id is None or self._row_of_id.shape[0] < self._next_id:
             self._row_of_id = kernels.array(kernels.i32, 2 * self._next_id)
-        _invert_kernel()(self["id"], self._row_of_id, self.count)
+            self._row_of_id_valid = False
+        if not self._row_of_id_valid:
+            _invert_kernel(kernels.light(self.count))(self["id"], self._row_of_id, self.count)
+            self._row_of_id_valid = True
         return self._row_of_id
 
     def largest_norm(self, name: str, rows: int = ANY) -> float:
@@ -232,10 +263,34 @@ class Particles:
 
 
 @kernels.cached
-def _gather_kernel(shape: tuple[int, ...], integer: bool) -> Any:
+def _part_kernel(signature: tuple[tuple[str, tuple[int, ...], bool], ...], initial: tuple[float, ...]) -> Any:
+    """Generate the loop that resets rows which have become dry."""
+    scope: dict[str, Any] = {"Rows": kernels.array_type(kernels.i32)}
+    parameters, resets = ["dry: Rows"], []
+    for (name, shape, integer), value in zip(signature, initial, strict=True):
+        kind = kernels.value_type(shape, integer)
+        scope[f"In_{name}"], scope[f"Value_{name}"] = kernels.array_type(kind), kind
+        parameters.append(f"in_{name}: In_{name}")
+        number = repr(int(value) if integer else value)
+        resets.append(f"in_{name}[i] = {number if shape == () else f'Value_{name}({number})'}")
+    lines = [
+        f"def part({', '.join(parameters)}, active: qd.i32, count: qd.i32):",
+        "    qd.loop_config(serialize=True)",
+        "    for i in range(active):",
+        "        dry[i] = 0",
+        "    qd.loop_config(serialize=True)",
+        "    for i in range(active, count):",
+        "        if dry[i] == 0:",
+        "            dry[i] = 1",
+        *[f"            {line}" for line in resets],
+    ]
+    return kernels.compiled("part", "\n".join(lines) + "\n", **scope)
+
+
+@kernels.cached
+def _gather_kernel(shape: tuple[int, ...], integer: bool, serial: bool) -> Any:
     Values = kernels.array_type(kernels.value_type(shape, integer))
     Rows = kernels.array_type(kernels.i32)
-    serial = kernels.runtime().serial
     qd = kernels.qd
 
     @kernels.kernel
@@ -248,9 +303,8 @@ def _gather_kernel(shape: tuple[int, ...], integer: bool) -> Any:
 
 
 @kernels.cached
-def _invert_kernel() -> Any:
+def _invert_kernel(serial: bool) -> Any:
     Rows = kernels.array_type(kernels.i32)
-    serial = kernels.runtime().serial
     qd = kernels.qd
 
     @kernels.kernel

@@ -4,6 +4,9 @@ A counting sort brings the rows into cell order (x fastest; within a cell by id,
 does not depend on threads). Three neighbouring cells along x are then one contiguous range of rows,
 and the search walks 3 (2D) or 9 (3D) such ranges per row. Lists are written in one pass: a block of
 rows shares a stretch of storage, inside which its lists are packed; the stretch grows when it overflows.
+
+Solid rows that no fluid is near come last in the table, sorted alike: the loops of a step end before them
+(``Particles.active``), so the walls of a large empty tank cost next to nothing.
 """
 
 import math
@@ -20,6 +23,12 @@ LISTED = FLUID | WALL
 
 _CELLS_PER_REACH = 1
 """Cells are this many times smaller than the search radius: fewer distance tests, more ranges to walk."""
+
+_WET_REACHES = 2
+"""A solid row is dry, and takes no part, if no fluid lies within this many search radii of it, counted in cells.
+
+A wall row that sees fluid (one radius) has neighbours (another) that must be there for its own sums.
+"""
 
 _WORTH = 3
 """Updates that a list with a skin must serve, at the speed since the last build, for the skin to be used."""
@@ -173,24 +182,24 @@ class NeighbourList:
         shape: NDArray[np.int64],
     ) -> None:
         d, count, cells = particles.dimension, particles.count, int(shape.prod())
-        if cells + 1 > self._cells:
-            self._cells = 2 * (cells + 1)
+        if 2 * cells + 1 > self._cells:
+            self._cells = 2 * (2 * cells + 1)
+            self._near = kernels.array(kernels.i32, self._cells)
             self._cell_start = kernels.array(kernels.i32, self._cells)
             self._cursor = kernels.array(kernels.i32, self._cells)
             self._sums = kernels.array(kernels.i32, _SCAN_BLOCKS)
-        _cell_kernel(d)(
-            particles["position"],
-            self._cell,
-            self._cursor,
-            count,
-            cells + 1,
-            *map(float, origin),
-            *map(float, size),
-            *[int(s) for s in shape],
+        light = kernels.light(count)
+        _cell_kernel(d, self.periodic, light)(
+            particles["position"], particles["kind"], self._cell, self._cursor, self._near, count, cells,
+            *map(float, origin), *map(float, size), *[int(s) for s in shape],
+        )  # fmt: skip
+        _scan_kernel(light)(self._cursor, self._cell_start, self._sums, 2 * cells + 1)
+        _scatter_kernel(light)(
+            self._cell, self._cell_start, self._cursor, self._order, particles["id"], self._flag, count, 2 * cells
         )
-        _scan_kernel()(self._cursor, self._cell_start, self._sums, cells + 1)
-        _scatter_kernel()(self._cell, self._cell_start, self._cursor, self._order, particles["id"], count, cells)
-        particles.reorder(self._order)
+        if kernels.host(self._flag)[0]:
+            particles.reorder(self._order)
+        particles.part(int(kernels.host(self._cell_start)[cells]))
 
     def _fill(
         self,
@@ -199,7 +208,7 @@ class NeighbourList:
         size: NDArray[np.float64],
         shape: NDArray[np.int64],
     ) -> bool:
-        d, count = particles.dimension, particles.count
+        d, count = particles.dimension, particles.active
         self._flag.fill(0)
         _list_kernel(d, self.periodic)(
             particles["position"], particles["kind"], self._cell_start, self.start, self.length, self.neighbour,
@@ -298,9 +307,15 @@ def _wrap_and_bound_kernel(d: int, periodic: tuple[bool, ...]) -> Any:
 
 
 @kernels.cached
-def _cell_kernel(d: int) -> Any:
+def _cell_kernel(d: int, periodic: tuple[bool, ...], serial: bool) -> Any:
+    """Generate the count of rows per cell; dry rows are counted in a second set of cells behind the first.
+
+    Wet and dry are told apart on a grid of blocks of cells: a solid row is wet if there is fluid in its block or
+    in one beside it.
+    """
     Vectors, Rows, _, real = _types(d)
     axes = range(d)
+    w = _WET_REACHES * _CELLS_PER_REACH
     parameters = [f"origin{k}: real" for k in axes] + [f"size{k}: real" for k in axes]
     parameters += [f"shape{k}: qd.i32" for k in axes]
     index = [
@@ -309,31 +324,55 @@ def _cell_kernel(d: int) -> Any:
         for k in axes
     ]
     flat = "c0 + shape0 * c1" if d == 2 else "c0 + shape0 * (c1 + shape1 * c2)"
+    block, beside = (
+        f"{n}0 + blocks0 * {n}1" if d == 2 else f"{n}0 + blocks0 * ({n}1 + blocks1 * {n}2)" for n in ("b", "n")
+    )
+    # A last block that is not full leaves its neighbour too near: it is joined to the one before.
+    blocks = [f"    blocks{k} = qd.max(shape{k} // {w}, 1)" for k in axes]
+    of_row = [f"        b{k} = qd.min(c{k} // {w}, blocks{k} - 1)" for k in axes]
+    walk, indent = [], "            "
+    for k in reversed(axes):
+        walk.append(f"{indent}for o{k} in range(-1, 2):")
+        indent += "    "
+        if periodic[k]:
+            walk.append(f"{indent}n{k} = (b{k} + o{k} + blocks{k}) % blocks{k}")
+        else:
+            walk.append(f"{indent}n{k} = qd.min(qd.max(b{k} + o{k}, 0), blocks{k} - 1)")
     lines = [
-        f"def cells(position: Vectors, cell: Rows, counts: Rows, count: qd.i32, n: qd.i32, {', '.join(parameters)}):",
+        "def cells(position: Vectors, kind: Rows, cell: Rows, counts: Rows, fluid: Rows, count: qd.i32, cells: qd.i32,",
+        f"          {', '.join(parameters)}):",
+        *blocks,
         "    qd.loop_config(serialize=serial)",
-        "    for c in range(n):",
+        "    for c in range(2 * cells + 1):",
         "        counts[c] = 0",
+        "        fluid[c] = 0",
         "    qd.loop_config(serialize=serial)",
         "    for i in range(count):",
         *index,
+        *of_row,
         f"        cell[i] = {flat}",
-        f"        counts[{flat}] += 1",
+        f"        if kind[i] & {FLUID} != 0:",
+        f"            fluid[{block}] = 1",
+        "    qd.loop_config(serialize=serial)",
+        "    for i in range(count):",
+        f"        if kind[i] & {FLUID} == 0:",
+        "            c = cell[i]",
+        *[f"            c{k} = c // ({' * '.join(['1', *[f'shape{m}' for m in range(k)]])}) % shape{k}" for k in axes],
+        *["    " + line for line in of_row],
+        "            wet = 0",
+        *walk,
+        f"{indent}wet |= fluid[{beside}]",
+        "            if wet == 0:",
+        "                cell[i] += cells",
+        "        counts[cell[i]] += 1",
     ]
-    return kernels.compiled(
-        "cells",
-        "\n".join(lines) + "\n",
-        Vectors=Vectors,
-        Rows=Rows,
-        real=real,
-        serial=kernels.runtime().serial,
-    )
+    return kernels.compiled("cells", "\n".join(lines) + "\n", Vectors=Vectors, Rows=Rows, real=real, serial=serial)
 
 
 @kernels.cached
-def _scan_kernel() -> Any:
+def _scan_kernel(serial: bool) -> Any:
     _, Rows, _, _ = _types(2)
-    serial, qd, blocks = kernels.runtime().serial, kernels.qd, _SCAN_BLOCKS
+    qd, blocks = kernels.qd, _SCAN_BLOCKS
 
     @kernels.kernel
     def scan(counts: Rows, start: Rows, sums: Rows, n: kernels.i32):
@@ -366,12 +405,16 @@ def _scan_kernel() -> Any:
 
 
 @kernels.cached
-def _scatter_kernel() -> Any:
+def _scatter_kernel(serial: bool) -> Any:
     _, Rows, _, _ = _types(2)
-    serial, qd = kernels.runtime().serial, kernels.qd
+    qd = kernels.qd
 
     @kernels.kernel
-    def scatter(cell: Rows, start: Rows, cursor: Rows, order: Rows, ids: Rows, count: kernels.i32, cells: kernels.i32):
+    def scatter(
+        cell: Rows, start: Rows, cursor: Rows, order: Rows, ids: Rows, changed: Rows, count: kernels.i32,
+        cells: kernels.i32,
+    ):  # fmt: skip
+        changed[0] = 0
         qd.loop_config(serialize=serial)
         for i in range(count):
             slot = qd.atomic_add(cursor[cell[i]], 1)
@@ -387,6 +430,10 @@ def _scatter_kernel() -> Any:
                     order[t + 1] = order[t]
                     t -= 1
                 order[t + 1] = row
+        qd.loop_config(serialize=serial)
+        for i in range(count):
+            if order[i] != i:
+                changed[0] = 1
 
     return scatter
 

@@ -36,7 +36,7 @@ class ConjugateGradient(Solver, name="cg"):
         matrix = [system.start, particles["row_length"], system.column, system.value]
         start(
             *matrix, *vectors, particles["rhs"], particles["row_state"], partial, scalars, running,
-            self.tolerance, particles.count,
+            self.tolerance, particles.active,
         )  # fmt: skip
         if int(kernels.host(running)) == 1:
             iterate(
@@ -47,7 +47,7 @@ class ConjugateGradient(Solver, name="cg"):
                 running,
                 self.tolerance,
                 self.largest_iterations,
-                particles.count,
+                particles.active,
             )
         return solution(kernels.host(scalars), self)
 

@@ -73,7 +73,7 @@ class LinearSystem:
             particles["diagonal"], particles["rhs"], particles["row_length"], particles["grounded"],
             pairs.list.start, pairs.list.length, pairs.list.neighbour, self.column, self.value,
             *[particles[n] for n in reads],
-            particles.count, laplacian.radius(lattice), laplacian.scale(lattice), *pairs.list.period,
+            particles.active, laplacian.radius(lattice), laplacian.scale(lattice), *pairs.list.period,
         )  # fmt: skip
 
     def bytes(self) -> int:
