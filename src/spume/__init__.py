@@ -27,6 +27,7 @@ _HOME = {
     "spume.case": ("Case", "CaseError", "Domain", "Fluid", "Time", "load"),
     "spume.geometry": ("Box", "Cylinder", "Polygon", "Sphere", "Tank"),
     "spume.bodies.wall": ("Wall",),
+    "spume.run": ("resume",),
 }
 _MODULE = {name: module for module, names in _HOME.items() for name in names}
 

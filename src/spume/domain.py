@@ -9,6 +9,7 @@ from spume.pairs import Pairs
 from spume.particles import Particles
 from spume.pressure.components import Components
 from spume.pressure.matrix import LinearSystem
+from spume.stopwatch import Stopwatch
 
 
 @dataclass
@@ -24,6 +25,7 @@ class Domain:
         density: density of the (first) fluid [kg/m^3].
         system: the linear system of the pressure.
         components: connected components of that system.
+        stages: wall time of the stages of the step.
     """
 
     lattice: Lattice
@@ -34,3 +36,4 @@ class Domain:
     density: float = 1000.0
     system: LinearSystem = field(default_factory=LinearSystem)
     components: Components = field(default_factory=Components)
+    stages: Stopwatch = field(default_factory=Stopwatch)

@@ -193,6 +193,25 @@ class Particles:
         self.changed = True
         return gone
 
+    def replace(self, values: Mapping[str, NDArray[Any]], next_id: int) -> None:
+        """Make these the rows of the table, in this order; fields that are not given keep what they hold.
+
+        Args:
+            values: field name to values of shape (count, *shape), ``position`` among them, as `numpy` gave them.
+            next_id: number of the next row that is inserted.
+        """
+        self.count = len(values["position"])
+        self._grow(self.count)
+        for name, rows in values.items():
+            self.set(name, rows)
+        self._next_id = next_id
+        self.changed = True
+
+    @property
+    def next_id(self) -> int:
+        """Number of the next row that is inserted without one."""
+        return self._next_id
+
     def reorder(self, order: Any) -> None:
         """Gather every restart field by ``order`` (device array of row numbers, int32)."""
         for name, field in self.fields.items():

@@ -10,6 +10,7 @@ Solid rows that no fluid is near come last in the table, sorted alike: the loops
 """
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,15 @@ _WORTH = 3
 """Updates that a list with a skin must serve, at the speed since the last build, for the skin to be used."""
 
 _REDUCTION_BLOCKS = 128
+
+_CROWDED = 20
+"""Lists that are this many times longer than on the regular arrangement are those of rows that fell together."""
+
+_LONGEST_ARRAY = 2**31 - 1
+
+
+class TooManyNeighbours(RuntimeError):
+    """The rows lie so close that no list of neighbours holds them."""
 
 
 class NeighbourList:
@@ -70,6 +80,7 @@ class NeighbourList:
         self.current_skin = skin
         self._updates = 0
         self._home: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+        self._cells_built: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]] | None = None
         self._capacity = 0
         self._cells = 0
         self._slots_per_block = 0
@@ -90,7 +101,11 @@ class NeighbourList:
         return self.build(particles)
 
     def build(self, particles: Particles) -> int:
-        """Sort the rows by cell and build the list; return how many rows were removed."""
+        """Sort the rows by cell and build the list; return how many rows were removed.
+
+        Raises:
+            TooManyNeighbours: rows fell together, so that their lists would not fit.
+        """
         self._reserve(particles)
         low, high = self._wrap_and_bound(particles)
         removed = 0
@@ -100,17 +115,71 @@ class NeighbourList:
             low, high = self._wrap_and_bound(particles)
         if particles.count == 0:
             low = high = self.lower
-        origin, size, shape = self._grid(particles.count, low, high)
-        self._sort(particles, origin, size, shape)
-        while not self._fill(particles, origin, size, shape):
-            self._slots_per_block = int(1.3 * int(kernels.host(self._flag)[0])) + 64
+        self._cells_built = self._grid(particles.count, low, high)
+        self._sort_and_list(particles)
+        self._updates = 0
+        self.builds += 1
+        return removed
+
+    def state(self, particles: Particles) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+        """Return numbers and arrays from which `restore` makes this list again."""
+        numbers: dict[str, Any] = {
+            "lower": self.lower.tolist(),
+            "upper": self.upper.tolist(),
+            "builds": self.builds,
+            "updates": self._updates,
+            "current_skin": self.current_skin,
+            "home": None if self._home is None else [corner.tolist() for corner in self._home],
+            "cells": None,
+        }
+        # Without a skin, and where rows came or went, the next update builds the list from scratch anyway.
+        if not self.builds or self.skin == 0 or particles.changed or self._cells_built is None:
+            return numbers, {}
+        numbers["cells"] = [values.tolist() for values in self._cells_built]
+        return numbers, {"built": np.array(kernels.host(self._built)[: particles.count])}
+
+    def restore(self, particles: Particles, numbers: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Make the list of `state` again: from the positions and the cells of its last build, not the present ones."""
+        self.lower, self.upper = np.array(numbers["lower"]), np.array(numbers["upper"])
+        self.builds, self._updates = int(numbers["builds"]), int(numbers["updates"])
+        self.current_skin = float(numbers["current_skin"])
+        home = numbers["home"]
+        dtype = kernels.runtime().dtype  # rounded otherwise, sums with positions would be others
+        self._home = None if home is None else (np.array(home[0], dtype), np.array(home[1], dtype))
+        particles.changed = True
+        if numbers["cells"] is None:
+            return
+        origin, size, shape = numbers["cells"]
+        self._cells_built = np.array(origin), np.array(size), np.array(shape, dtype=np.int64)
+        present = particles.numpy("position")
+        particles.set("position", arrays["built"])
+        self._reserve(particles)
+        self._sort_and_list(particles)  # the rows are in this order already: by cell, then by id
+        particles.set("position", present)
+
+    def _sort_and_list(self, particles: Particles) -> None:
+        assert self._cells_built is not None
+        self._sort(particles, *self._cells_built)
+        while not self._fill(particles, *self._cells_built):
+            used = int(kernels.host(self._flag)[0])
+            slots = int(1.3 * used) + 64
+            blocks = -(-self._capacity // self._rows_per_block)
+            if used > _CROWDED * self._regular_slots(particles) or blocks * slots > _LONGEST_ARRAY:
+                raise TooManyNeighbours(
+                    f"{used / self._rows_per_block:.0f} neighbours a row, where the regular arrangement has "
+                    f"{self._regular_slots(particles) / self._rows_per_block:.0f}"
+                )
+            self._slots_per_block = slots
             self._allocate_slots()
         if self.skin > 0:
             _copy_kernel(particles.dimension)(particles["position"], self._built, particles.count)
         particles.changed = False
-        self._updates = 0
-        self.builds += 1
-        return removed
+
+    def _regular_slots(self, particles: Particles) -> float:
+        """Return the neighbours that a block of rows has on the regular arrangement."""
+        reach = (self.radius + self.skin) / particles.spacing
+        near = math.pi * reach**2 if particles.dimension == 2 else 4.2 * reach**3
+        return near * self._rows_per_block
 
     def bytes(self) -> int:
         """Return the memory of the list [bytes]."""
@@ -127,9 +196,7 @@ class NeighbourList:
         self._order = kernels.array(kernels.i32, self._capacity)
         self._built = kernels.array(kernels.vector(particles.dimension), self._capacity)
         if not self._slots_per_block:
-            reach = (self.radius + self.skin) / particles.spacing
-            near = math.pi * reach**2 if particles.dimension == 2 else 4.2 * reach**3
-            self._slots_per_block = int(1.25 * near * self._rows_per_block) + 64
+            self._slots_per_block = int(1.25 * self._regular_slots(particles)) + 64
         self._allocate_slots()
 
     def _allocate_slots(self) -> None:

@@ -92,6 +92,10 @@ class Simulation:
         self.rows = self.rows | {"position": moved, "velocity": velocity}
         self._snapshot = None
 
+    def state(self, fields=()):
+        names = ("position", "velocity", *fields)
+        return {f"particles/{name}": self.rows[name] for name in names}, {"time": self.time, "step": self.step_index}
+
     def snapshot(self):
         if self._snapshot is None:
             self._snapshot = snapshot_of(self.rows, self.spacing, self.time, self.step_index, self.dt)
@@ -105,6 +109,7 @@ def make_run(folder, gauges=(), references=(), settings=None, end=0.5, simulatio
         time=SimpleNamespace(end=end),
         gauge=tuple(gauges),
         reference=tuple(references),
+        to_toml=lambda: "",
         output=settings or OutputSettings(animation="none"),
     )
     return SimpleNamespace(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -50,6 +51,11 @@ class Body(Scheme, family="body", selector="kind"):
     def state(self) -> dict[str, NDArray[Any]]:
         """Return the body's own state as named arrays, saved and restored by checkpoints."""
         return {}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Take back what `state` gave: the arrays that it returns are filled in place."""
+        for name, values in self.state().items():
+            values[...] = state[name]
 
     def prescribe(self, particles: Any, t: float, dt: float) -> None:
         """Set the velocity of the body's rows over the step (idempotent); insert or remove rows."""

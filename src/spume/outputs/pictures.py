@@ -470,6 +470,8 @@ class Pictures(Output):
         self.drawn: list[Path] = []
 
     def finish(self, run: RunLike) -> None:
+        if getattr(run, "hurried", False):  # the machine is wanted for something else
+            return
         self.drawn = draw_run(run.folder, self.settings, self.references, str(getattr(run.case, "title", "") or ""))
 
 

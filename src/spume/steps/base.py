@@ -1,8 +1,6 @@
 """The family of steps, and the row formulas that steps share."""
 
-import time
 from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import ClassVar, Literal, Self
 
 import numpy as np
@@ -184,18 +182,6 @@ def nested(scheme: Scheme) -> Iterator[Scheme]:
             yield from nested(value)
 
 
-stage_times: dict[str, float] = {}
-"""Wall time [s] spent in each stage since the program started; the run loop takes differences."""
-
-
-@contextmanager
-def stage(name: str) -> Iterator[None]:
-    """Add the wall time of a block to a stage."""
-    begin = time.perf_counter()
-    yield
-    stage_times[name] = stage_times.get(name, 0.0) + time.perf_counter() - begin
-
-
 def accelerate(domain: Domain, t: float) -> None:
     """Set ``acceleration`` of every row to gravity at the time t."""
     g = [*map(float, domain.gravity.at(t)), 0.0][:3]
@@ -221,7 +207,7 @@ def solve_pressure(step: Step, domain: Domain, surface_pressure: float) -> dict[
         NotConverged: see ``Solver``.
     """
     particles, system = domain.particles, domain.system
-    with stage("assembly"):
+    with domain.stages("assembly"):
         step.wall_model.states(particles)
         row_map(
             surface_value, particles, out="surface_value", rows=FLUID,
@@ -234,7 +220,7 @@ def solve_pressure(step: Step, domain: Domain, surface_pressure: float) -> dict[
         )  # fmt: skip
         system.assemble(step.laplacian, domain.lattice, particles, domain.pairs)
         floating = domain.components.project(system, particles)
-    with stage("solve"):
+    with domain.stages("solve"):
         solution = step.solver(system, particles)
         domain.components.centre(floating, particles)
     figures: dict[str, float] = {

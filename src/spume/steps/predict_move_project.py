@@ -22,7 +22,6 @@ from spume.steps.base import (
     moved,
     moved_by_change,
     solve_pressure,
-    stage,
     surface_pressure,
 )
 from spume.wall_models.base import WallModel
@@ -63,9 +62,9 @@ class PredictMoveProject(Step, name="predict-move-project"):
         for body in bodies:
             body.prescribe(particles, t, dt)
 
-        with stage("search"):
+        with domain.stages("search"):
             removed = pairs.update(particles)
-        with stage("forces"):
+        with domain.stages("forces"):
             accelerate(domain, t)
             self.wall_model.show_slip(lattice, particles, pairs)
             self.viscosity(lattice, particles, pairs, dt)
@@ -75,17 +74,17 @@ class PredictMoveProject(Step, name="predict-move-project"):
             row_map(moved, particles, out="position", rows=FLUID, arguments=(dt,))
             self.collision(lattice, particles, pairs, dt)
 
-        with stage("search"):
+        with domain.stages("search"):
             removed += pairs.update(particles)
         outside = surface_pressure(self, domain, t)
-        with stage("source"):
+        with domain.stages("source"):
             self.number_density(lattice, particles, pairs)
             self.wall_model.count_fluid(lattice, particles, pairs)
             self.free_surface(lattice, particles, pairs, self.number_density)
             self.wall_model.neumann(particles, dt)
             self.source(lattice, particles, pairs, dt, self.divergence, self.number_density, self.wall_model.mirror)
         figures = solve_pressure(self, domain, outside)
-        with stage("correction"):
+        with domain.stages("correction"):
             self.wall_model.extrapolate(lattice, particles, pairs)
             self.gradient(lattice, particles, pairs, over=self.wall_model.carriers, view=self.wall_model.view(dt))
             row_map(copied_velocity, particles, out="velocity_before", rows=FLUID)
@@ -93,7 +92,7 @@ class PredictMoveProject(Step, name="predict-move-project"):
             self.wall_model.rest(particles)
             row_map(moved_by_change, particles, out="position", rows=FLUID, arguments=(dt,))
 
-        with stage("tidying"):
+        with domain.stages("tidying"):
             speed = particles.largest_norm("velocity", FLUID)
             self.shifting(lattice, particles, pairs, self.number_density, speed, dt)
         for body in bodies:
