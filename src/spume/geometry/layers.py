@@ -48,7 +48,8 @@ def wall_layers(shape: Shape, grid: Grid, layers: int, *, wetted: str) -> Layers
         window = tuple(int(n) for n in size + 2 * layers)
         wide = np.moveaxis(np.indices(window), 0, -1).reshape(-1, grid.dimension)
         points = grid.centres(wide + corner - layers)
-        depth = sign * shape.distance(points) / grid.spacing  # behind the surface, positive in the solid
+        # Behind the surface, positive in the solid.
+        depth = sign * shape.distance_within(points, (deepest + 0.5) * grid.spacing) / grid.spacing
         wet = (depth < -1e-6).reshape(window)
         near = maximum_filter(wet, size=2 * layers + 1, mode="nearest").reshape(-1)
         rows = near & ~wet.reshape(-1) & (depth < deepest)
@@ -65,8 +66,27 @@ def wall_layers(shape: Shape, grid: Grid, layers: int, *, wetted: str) -> Layers
     cells, depth = cells[order], np.concatenate([np.empty(0), *depths])[order]
     position = grid.centres(cells)
     to_surface = shape.nearest(position) - position
+    on = np.flatnonzero(np.abs(depth) < _ON)
+    if len(on):
+        to_surface[on] = _ON * grid.spacing * _into_the_fluid(shape, position[on], sign, grid.spacing)
     wall = depth < 1.0 - 1e-6
     return Layers(position, wall, to_surface, masters(position, wall, to_surface))
+
+
+_ON = 1e-4
+"""Rows nearer to the surface than this part of the spacing get this distance from it, which keeps its direction."""
+
+
+def _into_the_fluid(
+    shape: Shape, points: NDArray[np.float64], sign: float, spacing: float
+) -> NDArray[np.float64]:
+    """Return the unit normals that look into the fluid at points on a surface: the slope of the distance there."""
+    slope = np.empty_like(points)
+    for k, step in enumerate(1e-2 * spacing * np.eye(points.shape[1])):
+        slope[:, k] = -sign * (shape.distance(points + step) - shape.distance(points - step))
+    length = np.linalg.norm(slope, axis=1, keepdims=True)
+    slope[length[:, 0] == 0.0, -1] = 1.0  # thinner than the step: there is no side to tell
+    return slope / np.where(length == 0.0, 1.0, length)
 
 
 _EDGE = {2: 64, 3: 24}
