@@ -23,12 +23,14 @@ class Layers:
         position: cell centres [m], shape (n, d).
         wall: True for the first layer, False for the dummies behind it, shape (n,).
         to_surface: vector [m] from the row to the nearest point of the wetted surface, shape (n, d).
+        face_area: for a wall row the area [m^(d-1)] of the surface for which it stands, else 0, shape (n,).
         master: for a dummy the index of the wall row that it copies, for a wall row its own, shape (n,).
     """
 
     position: NDArray[np.float64]
     wall: NDArray[np.bool_]
     to_surface: NDArray[np.float64]
+    face_area: NDArray[np.float64]
     master: NDArray[np.int64]
 
 
@@ -70,7 +72,21 @@ def wall_layers(shape: Shape, grid: Grid, layers: int, *, wetted: str) -> Layers
     if len(on):
         to_surface[on] = _ON * grid.spacing * _into_the_fluid(shape, position[on], sign, grid.spacing)
     wall = depth < 1.0 - 1e-6
-    return Layers(position, wall, to_surface, masters(position, wall, to_surface))
+    area = np.where(wall, face_area(to_surface, grid.spacing), 0.0)
+    return Layers(position, wall, to_surface, area, masters(position, wall, to_surface))
+
+
+def face_area(to_surface: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
+    """Return the area [m^(d-1)] of the surface for which rows of a wall layer on the lattice stand, shape (n,).
+
+    Along the axis k of the largest part of its normal a plane is met by one row per column of cells, that
+    within |n_k| l0 behind it, whose share of the plane is l0^(d-1)/|n_k|. A row farther away, behind an
+    inner corner or edge, has no face.
+    """
+    distance = np.linalg.norm(to_surface, axis=1)
+    steepest = np.abs(to_surface).max(axis=1) / np.where(distance > 0.0, distance, 1.0)
+    faced = (distance > 0.0) & (distance < (steepest - 1e-6) * spacing)
+    return np.where(faced, spacing ** (to_surface.shape[1] - 1) / np.where(faced, steepest, 1.0), 0.0)
 
 
 _ON = 1e-4
