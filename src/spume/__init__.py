@@ -25,7 +25,9 @@ from typing import Any
 
 _HOME = {
     "spume.case": ("Case", "CaseError", "Domain", "Fluid", "Time", "load"),
-    "spume.geometry": ("Box", "Cylinder", "Polygon", "Sphere", "Tank"),
+    "spume.geometry": (
+        "Box", "Cylinder", "Difference", "Extrusion", "Intersection", "Polygon", "Sphere", "Stl", "Tank", "Union",
+    ),
     "spume.bodies.wall": ("Wall",),
     "spume.run": ("resume",),
 }

@@ -74,7 +74,7 @@ def initial_rows(case: Case) -> Rows:
 
     Returns:
         ``position``, ``velocity``, ``to_surface`` (n, d); ``pressure``, ``density``,
-        ``kinematic_viscosity`` (n,); ``kind``, ``body``, ``material``, ``id``, ``master`` (n,) integers.
+        ``kinematic_viscosity``, ``face_area`` (n,); ``kind``, ``body``, ``material``, ``id``, ``master`` (n,) integers.
         SI units; ``master`` is the id of the wall row that a dummy copies, for other rows their own.
 
     Raises:
@@ -308,9 +308,10 @@ def _join(tables: Sequence[Rows], dimension: int) -> Rows:
             "to_surface": np.zeros((n, dimension)),
             "velocity": np.zeros((n, dimension)),
             "pressure": np.zeros(n),
+            "face_area": np.zeros(n),
             "material": np.zeros(n, dtype=int),
         }
-        for name in ("position", "velocity", "pressure", "to_surface", "kind", "body", "material"):
+        for name in ("position", "velocity", "pressure", "to_surface", "face_area", "kind", "body", "material"):
             parts.setdefault(name, []).append(np.asarray(table.get(name, fallback.get(name))))
         parts.setdefault("master", []).append(table["master"] + start)
         start += n

@@ -44,6 +44,9 @@ def tank(spacing, length, depth, height, width=None, jitter=0.0, seed=0):
         "body": np.where(fluid, -1, 0),
         "material": np.zeros(n, dtype=int),
         "to_surface": to_surface,
+        "face_area": np.where(
+            (kind == WALL) & (np.linalg.norm(to_surface, axis=1) < 0.6 * spacing), spacing ** (d - 1), 0.0
+        ),
         "id": np.arange(n),
     }
 

@@ -62,6 +62,7 @@ class Wall(Body, name="wall"):
             "position": layers.position,
             "kind": np.where(layers.wall, WALL, DUMMY).astype(np.int32),
             "to_surface": layers.to_surface,
+            "face_area": layers.face_area,
             "velocity": velocity,
             "master": layers.master,
         }
