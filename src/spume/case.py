@@ -17,6 +17,7 @@ from spume.bodies import Body
 from spume.geometry import Shape
 from spume.gravity import Constant, Gravity
 from spume.initial import Initial, Rest
+from spume.motion import Motion
 from spume.named import Location, Parameters, nearest_match
 from spume.outputs import Gauge, OutputSettings, Reference
 from spume.particles import BASE_FIELDS
@@ -51,6 +52,10 @@ class Domain(Parameters):
 
     gravity: Gravity | None = None
     """Acceleration of gravity [m/s^2]; default: 9.81 downwards, along -y in 2D and -z in 3D."""
+    frame: Literal["laboratory", "tank"] = "laboratory"
+    """Frame of reference of a tank that moves: its own, with fictitious accelerations, or the laboratory's."""
+    motion: Motion | None = None
+    """Motion of the whole tank: of every body (their own motions are relative to it) and of the initial fields."""
     periodic: tuple[Literal["x", "y", "z"], ...] = ()
     """Axes along which the domain repeats itself; they need lower and upper."""
     lower: tuple[float, ...] | None = None
@@ -71,6 +76,12 @@ class Domain(Parameters):
                 )
         if self.periodic and self.lower is None:
             raise ValueError(f"lower and upper must say how long the period along {self.periodic[0]} is")
+        if self.frame == "tank" and self.motion is None:
+            raise ValueError('frame = "tank" needs the motion of the tank: motion = { kind = …, … }')
+        if self.frame == "tank" and getattr(self.motion, "interpolation", "spline") == "linear":
+            raise ValueError('frame = "tank" needs a continuous acceleration: interpolation = "spline"')
+        if self.frame == "laboratory" and self.motion is not None and self.periodic:
+            raise ValueError('a periodic domain cannot move in the laboratory: choose frame = "tank"')
         return self
 
     def periods(self) -> dict[int, tuple[float, float]]:
@@ -180,7 +191,19 @@ class Case(Parameters):
             if layers is not None and layers < math.floor(radius) + 1:
                 message = f"must be at least {math.floor(radius) + 1}: the largest re is {radius:g} l0"
                 yield ("body", index, "layers"), message, layers
+        yield from self._impossible_motions()
         yield from self._output_inconsistencies()
+
+    def _impossible_motions(self) -> Iterator[tuple[Location, str, Any]]:
+        """Yield what does not fit the case's dimension, or does not last until its end."""
+        found: list[tuple[Location, Motion | None, float]]
+        found = [(("domain", "motion"), self.domain.motion, self.time.end)]
+        for index, body in enumerate(self.body):
+            last = min(self.time.end, getattr(body, "until", None) or math.inf)
+            found.append((("body", index, "motion"), getattr(body, "motion", None), last))
+        for loc, motion, last in found:
+            for key, message in () if motion is None else motion.problems(self.dimension, last):
+                yield (*loc, key), message, getattr(motion, key)
 
     def _output_inconsistencies(self) -> Iterator[tuple[Location, str, Any]]:
         """Yield what names a field or a gauge that does not exist."""

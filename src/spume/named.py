@@ -225,7 +225,7 @@ def schemes(family: str | None = None) -> Iterator[type[Scheme]]:
         yield from (known for _, known in sorted(_registry.get(key, {}).items()))
 
 
-_FOLDERS = ("schemes", "steps", "pressure", "wall_models", "bodies", "geometry", "initial", "outputs")
+_FOLDERS = ("schemes", "motion", "steps", "pressure", "wall_models", "bodies", "geometry", "initial", "outputs")
 
 
 def load_all() -> None:

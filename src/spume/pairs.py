@@ -194,13 +194,18 @@ def row_map(
     rows: int = FLUID,
     arguments: Sequence[float] = (),
     fields: Mapping[str, str] | None = None,
+    dry: bool = False,
 ) -> None:
-    """Write one term per active row of the given kinds; ``arguments`` follow ``a``, ``fields`` as in ``pair_sum``."""
+    """Write one term per row of the given kinds; ``arguments`` follow ``a``, ``fields`` as in ``pair_sum``.
+
+    Solid rows that no fluid is near are left out, unless ``dry`` asks for them.
+    """
+    count = particles.count if dry else particles.active
     behind = fields or {}
     signature = _signature(particles, (*term.reads, out), behind)
-    kernel = _row_kernel(term, out, rows, signature, len(arguments), kernels.light(particles.active))
+    kernel = _row_kernel(term, out, rows, signature, len(arguments), kernels.light(count))
     inputs = [particles[behind.get(n, n)] for n in term.reads]
-    kernel(particles["kind"], *inputs, particles[out], particles.active, *arguments)
+    kernel(particles["kind"], *inputs, particles[out], count, *arguments)
 
 
 Signature = tuple[tuple[str, tuple[int, ...], bool], ...]

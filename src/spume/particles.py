@@ -1,6 +1,6 @@
 """The particle table: every row that touches the water, one array per field."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -86,11 +86,20 @@ class Particles:
         count: rows of the table.
         active: rows that take part in the steps; those behind them are solid and dry (see ``part``).
         changed: rows came or went since the neighbours were searched.
+        bodies: labels of the bodies, in the order of the field ``body``.
     """
 
-    def __init__(self, dimension: int, spacing: float, fields: Iterable[Field] = (), capacity: int = 1024) -> None:
+    def __init__(
+        self,
+        dimension: int,
+        spacing: float,
+        fields: Iterable[Field] = (),
+        capacity: int = 1024,
+        bodies: Sequence[str] = (),
+    ) -> None:
         self.dimension = dimension
         self.spacing = spacing
+        self.bodies = tuple(bodies)
         self.count = 0
         self.capacity = max(int(capacity), 1)
         self.active = 0

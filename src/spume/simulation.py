@@ -87,12 +87,13 @@ class Simulation:
                 self._acceleration += domain.gravity.stiffness * float(reach)
         if not np.isfinite(speed):
             raise self._diverged(not_a_number(clock))
+        bodies = min((body.max_dt(clock.time, domain.lattice.spacing) for body in domain.bodies), default=inf)
         dt = clock.next_dt(
             domain.lattice,
             speed,
             self._acceleration / self.step.steadiness**2,
             self.step.viscosity.max_dt(domain.lattice, self._viscosity),
-            min((body.max_dt() for body in domain.bodies), default=inf),
+            clock.courant * bodies,
         )
         finding = self.watch.before_step(speed, dt)
         if finding is not None:
@@ -128,9 +129,10 @@ class Simulation:
                 dt=self.dt,
                 spacing=domain.lattice.spacing,
                 dimension=domain.lattice.dimension,
-                gravity=domain.gravity.at(self.time),
+                gravity=domain.force(self.time).gravity,
                 n0=self.step.number_density.n0(domain.lattice),
                 bodies=tuple(body.name for body in domain.bodies),
+                poses={body.name: body.pose(self.time, domain.lattice.dimension) for body in domain.bodies},
                 fields=domain.particles.fields,
             )
         return self._snapshot

@@ -56,6 +56,18 @@ class Gauge(Scheme, family="gauge", selector="kind"):
         return np.asarray(value, dtype=float)
 
 
+class Riding(Gauge):
+    """A gauge at a place, which may be fixed to a body that moves."""
+
+    body: str | None = None
+    """Body that the gauge rides on; places are given as they are at the start. Default: it rests."""
+
+    def check(self, snapshot: Snapshot) -> None:
+        if self.body is not None and self.body not in snapshot.bodies:
+            known = ", ".join(repr(b) for b in snapshot.bodies) or "(the case has none)"
+            raise ValueError(f"gauge {self.name!r}: body = {self.body!r}: one of {known}")
+
+
 class Recorder:
     """Writes the values of one gauge to its CSV file.
 

@@ -36,13 +36,23 @@ from spume.wall_models.base import WallModel
 from spume.wall_models.neumann import Neumann
 
 
-@row_term(reads=("position",))
-def central_acceleration(a, gx, gy, gz, fx, fy, fz, stiffness):  # type: ignore[no-untyped-def]
+@row_term(reads=("position", "velocity"))
+def acceleration_of_frame(a, gx, gy, gz, fx, fy, fz, xx, xy, xz, yx, yy, yz, zx, zy, zz, wx, wy, wz, dt):  # type: ignore[no-untyped-def]
     g = kernels.qd.Vector([gx, gy, gz])
     f = kernels.qd.Vector([fx, fy, fz])
-    result = a.position * (-stiffness)
+    gradient = kernels.qd.Matrix([[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]])
+    w = kernels.qd.Vector([wx, wy, wz])
+    u = w * 0.0
+    for k in kernels.static(range(a.velocity.n)):
+        u[k] = a.velocity[k]
+    # -2 w x u at the middle of the step, solved for: it turns the velocity and leaves its length.
+    coriolis = -2.0 * w.cross(u)
+    coriolis = (coriolis - dt * w.cross(coriolis)) / (1.0 + dt * dt * w.dot(w))
+    result = a.position
     for k in kernels.static(range(result.n)):
-        result[k] += g[k] + stiffness * f[k]
+        result[k] = g[k] + coriolis[k]
+        for m in kernels.static(range(result.n)):
+            result[k] += gradient[k, m] * (a.position[m] - f[m])
     return result
 
 
@@ -182,14 +192,10 @@ def nested(scheme: Scheme) -> Iterator[Scheme]:
             yield from nested(value)
 
 
-def accelerate(domain: Domain, t: float) -> None:
-    """Set ``acceleration`` of every row to gravity at the time t."""
-    g = [*map(float, domain.gravity.at(t)), 0.0][:3]
-    f = [*map(float, domain.gravity.focus), 0.0][:3]
-    row_map(
-        central_acceleration, domain.particles, out="acceleration", rows=ANY,
-        arguments=(*g, *f, domain.gravity.stiffness),
-    )  # fmt: skip
+def accelerate(domain: Domain, t: float, dt: float) -> None:
+    """Set ``acceleration`` of every row to gravity at the time t, and what a moving frame adds to it."""
+    numbers = domain.force(t).numbers()
+    row_map(acceleration_of_frame, domain.particles, out="acceleration", rows=ANY, arguments=(*numbers, dt))
 
 
 def surface_pressure(step: Step, domain: Domain, t: float) -> float:

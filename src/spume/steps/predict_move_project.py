@@ -65,13 +65,15 @@ class PredictMoveProject(Step, name="predict-move-project"):
         with domain.stages("search"):
             removed = pairs.update(particles)
         with domain.stages("forces"):
-            accelerate(domain, t)
+            accelerate(domain, t, dt)
             self.wall_model.show_slip(lattice, particles, pairs)
             self.viscosity(lattice, particles, pairs, dt)
             for body in bodies:
                 body.force(particles, pairs, dt)
             row_map(accelerated, particles, out="velocity", rows=self.wall_model.predicted, arguments=(dt,))
             row_map(moved, particles, out="position", rows=FLUID, arguments=(dt,))
+            for body in bodies:
+                body.move(particles, t + dt)
             self.collision(lattice, particles, pairs, dt)
 
         with domain.stages("search"):

@@ -65,7 +65,7 @@ class ProjectInPlace(Step, name="project-in-place"):
             self.number_density(lattice, particles, pairs)
             self.wall_model.count_fluid(lattice, particles, pairs)
             self.free_surface(lattice, particles, pairs, self.number_density)
-            accelerate(domain, t)
+            accelerate(domain, t, dt)
             self.wall_model.show_slip(lattice, particles, pairs)
             self.viscosity(lattice, particles, pairs, dt)
             for body in bodies:
@@ -83,6 +83,8 @@ class ProjectInPlace(Step, name="project-in-place"):
             row_map(corrected, particles, out="velocity", rows=FLUID, arguments=(dt,))
             self.wall_model.rest(particles)
             row_map(moved, particles, out="position", rows=FLUID, arguments=(dt,))
+            for body in bodies:
+                body.move(particles, t + dt)
 
         with domain.stages("tidying"):
             self.collision(lattice, particles, pairs, dt)
