@@ -58,7 +58,7 @@ def grid_of(case: Case) -> Grid:
     for k, (start, period) in case.domain.periods().items():
         origin[k] = start
         cells = period / case.spacing
-        if abs(cells - round(cells)) > 1e-6 * max(1.0, cells) or round(cells) < 1:
+        if not 0.5 <= cells < 1e9 or abs(cells - round(cells)) > 1e-6 * cells:
             problems.append(
                 case.problem(
                     ("spacing",),
