@@ -22,7 +22,8 @@ class Field:
 
     Attributes:
         name: the field's name, as in ``docs/notation.md``.
-        shape: () for a scalar, ("d",) for a vector, ("d", "d") for a tensor, or integers.
+        shape: () for a scalar, ("d",) for a vector, ("d", "d") for a tensor, or integers; "basis" stands for the
+            d (d + 3)/2 monomials of first and second degree.
         unit: SI unit.
         doc: one sentence.
         dtype: float or int.
@@ -44,7 +45,8 @@ class Field:
 
     def value_shape(self, d: int) -> tuple[int, ...]:
         """Return the shape of one row's value in d dimensions."""
-        return tuple(d if s == "d" else int(s) for s in self.shape)
+        lengths = {"d": d, "basis": d * (d + 3) // 2}
+        return tuple(lengths[s] if isinstance(s, str) else s for s in self.shape)
 
 
 _REDUCTION_BLOCKS = 128
