@@ -39,7 +39,7 @@ LOOK = 10
 WINDOW = 100
 """Steps over which the uses of limiters are averaged."""
 
-OFTEN = {"collisions": 0.1, "clipped": 0.5, "fallbacks": 0.05}
+OFTEN = {"collisions": 0.1, "clipped": 0.01, "fallbacks": 0.05}
 """Uses of limiters a step that are warned of: collisions and clipping per fluid row, fallbacks per step [1]."""
 
 LOST = 1e-2
@@ -271,8 +271,8 @@ class Watch:
 _SENTENCES = {
     "collisions": "collisions act on {share:.0%} of the fluid particles a step (mean of {steps} steps): the time step "
     "is long for this flow, lower time.courant",
-    "clipped": "{share:.0%} of the fluid's pressures were negative and clipped a step (mean of {steps} steps): with "
-    "step.negative_pressure = true they are kept",
+    "clipped": "{share:.0%} of the fluid's pressures were negative and set to zero (mean of {steps} steps), which is a "
+    "force that the flow does not have: set step.negative_pressure = true with a gradient that bears tension",
     "fallbacks": "the pressure solver needed its fallback in {share:.0%} of {steps} steps: it costs time, not "
     "accuracy; choose step.solver = cg, or report the case",
 }
