@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -68,7 +69,7 @@ BASE_FIELDS = (
     Field("free_surface", (), "1", "1 on the free surface", int, output=True, restart=True),
     Field("to_surface", ("d",), "m", "solid rows: vector to the nearest point of the wetted surface", restart=True),
     Field("dry", (), "1", "1 for solid rows that no fluid is near: they take no part", int, restart=True),
-    Field("face_area", (), "m^(d-1)", "wall rows: area of the surface for which the row stands", constant=True, restart=True),
+    Field("face_area", (), "m^(d-1)", "wall rows: area of their part of the surface", constant=True, restart=True),
     Field("master", (), "1", "dummy rows: id of the wall row that they copy", int, constant=True, restart=True),
 )  # fmt: skip
 
@@ -88,6 +89,8 @@ class Particles:
         count: rows of the table.
         active: rows that take part in the steps; those behind them are solid and dry (see ``part``).
         changed: rows came or went since the neighbours were searched.
+        traffic: bytes that loops over rows moved at least since the table was made: each value once.
+        visits: how often loops walked the lists of neighbours of the active rows.
         bodies: labels of the bodies, in the order of the field ``body``.
     """
 
@@ -105,6 +108,8 @@ class Particles:
         self.count = 0
         self.capacity = max(int(capacity), 1)
         self.active = 0
+        self.traffic = 0
+        self.visits = 0
         self.changed = True
         self._parted = False
         self.fields: dict[str, Field] = {}
@@ -135,6 +140,14 @@ class Particles:
 
     def __getitem__(self, name: str) -> Any:
         return self._arrays[name]
+
+    def row_bytes(self, names: Iterable[str]) -> int:
+        """Return the memory of some fields of one row [bytes]."""
+        real = kernels.runtime().dtype().itemsize
+        return sum(
+            (4 if self.fields[n].dtype is int else real) * prod(self.fields[n].value_shape(self.dimension))
+            for n in names
+        )
 
     def value_type(self, name: str) -> Any:
         """Return the kernel language's type of one value of a field."""
@@ -217,6 +230,8 @@ class Particles:
         for name, rows in values.items():
             self.set(name, rows)
         self._next_id = next_id
+        self.active = self.count
+        self._row_of_id_valid = False
         self.changed = True
 
     @property
@@ -236,6 +251,7 @@ class Particles:
                 _gather_kernel(*kind, kernels.light(self.count))(source, order, spare, self.count)
                 self._arrays[name] = spare
                 self._spares[kind] = source
+                self.traffic += self.count * (4 + 2 * self.row_bytes([name]))
         self._row_of_id_valid = False
 
     def part(self, active: int) -> None:

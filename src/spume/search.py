@@ -174,6 +174,13 @@ class NeighbourList:
         if self.skin > 0:
             _copy_kernel(particles.dimension)(particles["position"], self._built, particles.count)
         particles.changed = False
+        # Positions and kinds are read, starts, lengths and the neighbours themselves written.
+        particles.traffic += particles.count * (12 + particles.row_bytes(("position", "kind")))
+        particles.visits += 1
+
+    def entries(self, particles: Particles) -> int:
+        """Return the neighbours of all active rows together."""
+        return int(np.sum(kernels.host(self.length)[: particles.active], dtype=np.int64))
 
     def _regular_slots(self, particles: Particles) -> float:
         """Return the neighbours that a block of rows has on the regular arrangement."""

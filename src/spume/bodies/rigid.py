@@ -100,5 +100,6 @@ class Rigid(Body):
         full[:d, :d], more[:d] = matrix, shift
         row_map(
             image_of_start, particles, out=now, rows=SOLID, fields={"now": now, "start": start},
-            arguments=(float(particles.bodies.index(self.name)), *map(float, full.ravel()), *map(float, more)), dry=True,
+            arguments=(float(particles.bodies.index(self.name)), *map(float, full.ravel()), *map(float, more)),
+            dry=True,
         )  # fmt: skip
