@@ -79,7 +79,8 @@ def summary_of(result: Result) -> str:
     rows = max(result.rows, 1)
     lines = [
         f"{result.steps} steps on {result.device}, {result.threads} threads, {result.precision} precision: "
-        f"{result.microseconds:.2f} us per fluid particle and step (median), {result.median_step / rows * 1e6:.2f} per row",
+        f"{result.microseconds:.2f} us per fluid particle and step (median), "
+        f"{result.median_step / rows * 1e6:.2f} per row",
         f"{result.active:,} rows near fluid take part; mean dt {result.mean_dt:.3g} s, "
         f"{result.iterations:.1f} pressure iterations, |n - n0|/n0 = {100 * result.density_error:.2f} %",
         f"{speed:.4g} simulated seconds per second of wall time",
