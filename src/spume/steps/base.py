@@ -230,7 +230,7 @@ def solve_pressure(step: Step, domain: Domain, surface_pressure: float, dt: floa
     with domain.stages("assembly"):
         step.wall_model.states(particles)
         row_map(
-            surface_value, particles, out="surface_value", rows=FLUID,
+            surface_value, particles, out="surface_value", rows=FLUID | WALL,
             arguments=(step.number_density.n0(domain.lattice), surface_pressure),
         )  # fmt: skip
         row_map(known_or_guess, particles, out="pressure", rows=ANY)
