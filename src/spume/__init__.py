@@ -26,7 +26,16 @@ from typing import Any
 _HOME = {
     "spume.case": ("Case", "CaseError", "Domain", "Fluid", "Time", "load"),
     "spume.geometry": (
-        "Box", "Cylinder", "Difference", "Extrusion", "Intersection", "Polygon", "Sphere", "Stl", "Tank", "Union",
+        "Box",
+        "Cylinder",
+        "Difference",
+        "Extrusion",
+        "Intersection",
+        "Polygon",
+        "Sphere",
+        "Stl",
+        "Tank",
+        "Union",
     ),
     "spume.bodies.wall": ("Wall",),
 }

@@ -65,7 +65,7 @@ BASE_FIELDS = (
     Field("id", (), "1", "stable number of the particle", int, output=True, constant=True, restart=True),
     Field("free_surface", (), "1", "1 on the free surface", int, output=True, restart=True),
     Field("to_surface", ("d",), "m", "solid rows: vector to the nearest point of the wetted surface", restart=True),
-    Field("face_area", (), "m^(d-1)", "wall rows: area of the surface for which the row stands", constant=True, restart=True),
+    Field("face_area", (), "m^(d-1)", "wall rows: area of the surface that the row has", constant=True, restart=True),
     Field("master", (), "1", "dummy rows: id of the wall row that they copy", int, constant=True, restart=True),
 )  # fmt: skip
 

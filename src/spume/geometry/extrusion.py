@@ -51,7 +51,7 @@ class Extrusion(Shape, name="extrusion"):
 
     @override
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        plane, k = self._axes
+        plane, _ = self._axes
         lower, upper = np.full(3, self.start), np.full(3, self.end)
         lower[plane], upper[plane] = self._polygon().bounds()
         return lower, upper

@@ -93,9 +93,7 @@ _ON = 1e-4
 """Rows nearer to the surface than this part of the spacing get this distance from it, which keeps its direction."""
 
 
-def _into_the_fluid(
-    shape: Shape, points: NDArray[np.float64], sign: float, spacing: float
-) -> NDArray[np.float64]:
+def _into_the_fluid(shape: Shape, points: NDArray[np.float64], sign: float, spacing: float) -> NDArray[np.float64]:
     """Return the unit normals that look into the fluid at points on a surface: the slope of the distance there."""
     slope = np.empty_like(points)
     for k, step in enumerate(1e-2 * spacing * np.eye(points.shape[1])):
