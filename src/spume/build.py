@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from spume.case import AXES, Case, CaseError
 from spume.geometry import Grid, Shape, fill
+from spume.geometry.checks import unresolved, volume_of
 from spume.geometry.grid import TooManyCellsError
 from spume.geometry.layers import masters
 from spume.initial.base import Setting
@@ -120,6 +121,8 @@ def _fluid_cells(case: Case, grid: Grid) -> list[NDArray[np.float64]]:
             for sentence in moved:
                 log.warning("%s: %s", case.origin.name(loc) or f"fluid {fluid.name}", sentence)
             points = fill(shape, grid)
+            for sentence in volume_of(shape, grid, len(points)) if len(points) else []:
+                log.warning("%s: %s", case.origin.name(loc) or f"fluid {fluid.name}", sentence)
         except TooManyCellsError as error:
             problems.append(case.problem(("spacing",), f"too small for fluid {fluid.name!r}: {error}"))
         except ValueError as error:
@@ -205,6 +208,9 @@ def _body_rows(case: Case, grid: Grid) -> list[Rows]:
             for sentence in [] if shape is None else shape.snapped(grid)[1]:
                 log.warning("%s: %s", case.origin.name((*loc, "shape")) or f"body {body.name}", sentence)
             rows = body.rows(grid.spacing, grid.dimension, grid.origin)
+            if shape is not None and not getattr(body, "wet_inside", True):
+                for sentence in unresolved(shape.snapped(grid)[0], grid, rows["position"]):
+                    log.warning("%s: %s", case.origin.name((*loc, "shape")) or f"body {body.name}", sentence)
         except TooManyCellsError as error:
             problems.append(case.problem(("spacing",), f"too small for body {body.name!r}: {error}"))
             continue

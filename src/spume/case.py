@@ -15,6 +15,7 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 from spume import named, toml
 from spume.bodies import Body
 from spume.geometry import Shape
+from spume.geometry.checks import mistaken_units
 from spume.gravity import Constant, Gravity
 from spume.initial import Initial, Rest
 from spume.motion import Motion
@@ -188,6 +189,7 @@ class Case(Parameters):
         for key in ("fluid", "body"):
             for index, item in enumerate(getattr(self, key)):
                 yield from _dimensions(item, (key, index), d)
+        yield from _sizes(self)
         radius = self.step.largest_radius()
         for index, body in enumerate(self.body):
             layers = getattr(body, "layers", None)
@@ -324,6 +326,15 @@ def _dimensions(item: Parameters, loc: Location, d: int) -> Iterator[tuple[Locat
 
     named.walk(item, visit, loc)
     yield from found
+
+
+def _sizes(case: Case) -> Iterator[tuple[Location, str, Any]]:
+    """Yield drawings whose unit does not suit the rest of the case."""
+    items = [(key, index, item) for key in ("fluid", "body") for index, item in enumerate(getattr(case, key))]
+    shapes = [((key, index, "shape"), item.shape) for key, index, item in items if hasattr(item, "shape")]
+    corners = [corner for corner in (case.domain.lower, case.domain.upper) if corner is not None]
+    if case.dimension == 3:
+        yield from mistaken_units(shapes, corners, case.spacing)
 
 
 # ------------------------------------------------------------------------------------- case files

@@ -69,7 +69,7 @@ BASE_FIELDS = (
     Field("free_surface", (), "1", "1 on the free surface", int, output=True, restart=True),
     Field("to_surface", ("d",), "m", "solid rows: vector to the nearest point of the wetted surface", restart=True),
     Field("dry", (), "1", "1 for solid rows that no fluid is near: they take no part", int, restart=True),
-    Field("face_area", (), "m^(d-1)", "wall rows: area of their part of the surface", constant=True, restart=True),
+    Field("face_area", (), "m^(d-1)", "wall rows: area of the surface that the row has", constant=True, restart=True),
     Field("master", (), "1", "dummy rows: id of the wall row that they copy", int, constant=True, restart=True),
 )  # fmt: skip
 

@@ -21,7 +21,9 @@ SHAPES = [
     Polygon(vertices=((-0.4, -0.4), (0.5, -0.4), (0.5, 0.1), (0.0, 0.0), (-0.4, 0.5))),
     Tank(lower=(-0.4, -0.2), upper=(0.5, 0.3)),
     *(
-        Extrusion(vertices=((-0.4, -0.4), (0.5, -0.4), (0.5, 0.1), (0.0, 0.0), (-0.4, 0.5)), axis=a, start=-0.3, end=0.2)
+        Extrusion(
+            vertices=((-0.4, -0.4), (0.5, -0.4), (0.5, 0.1), (0.0, 0.0), (-0.4, 0.5)), axis=a, start=-0.3, end=0.2
+        )
         for a in "xyz"
     ),
     Union(of=(Box(lower=(-0.4, -0.4), upper=(0.4, 0.0)), Box(lower=(-0.4, 0.0), upper=(0.0, 0.4)))),

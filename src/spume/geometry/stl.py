@@ -104,32 +104,37 @@ class Stl(Shape, name="stl"):
 
         A face that would meet another one there stays where it is.
         """
-        said = ["its triangles looked inwards: turned round"] if self._inverted else []
-        vertices = self._facets.vertices.copy()
-        normals = self._facets.normals
-        area = np.linalg.norm(normals, axis=1)
-        moved: list[str] = []
-        for k in range(3):
-            level = np.abs(normals[:, k]) > (1.0 - _LEVEL) * area
-            height = self._facets.corners[level, :, k].mean(axis=1)
-            for heights, total in _levels(height, area[level], 1e-4 * grid.spacing):
-                if total < _SMALLEST_FACE * grid.spacing**2:
-                    continue
-                at = float(np.mean(heights))
-                sentences: list[str] = []
-                cells = round((grid.snap(at, k, f"a face at {'xyz'[k]}", sentences) - grid.origin[k]) / grid.spacing)
-                to = grid.origin[k] + cells * grid.spacing  # binary files hold seven digits: 0.60000002
-                own = np.abs(self._facets.vertices[:, k] - at) < 2e-4 * grid.spacing
-                others = np.abs(vertices[~own, k] - at)
-                if len(others) and others.min() < 2.0 * abs(to - at):
-                    continue
-                vertices[own, k] = to
-                moved += sentences
+        vertices, said = _snapped(self._facets, grid)
         result = self.model_copy()
-        result._facets = Facets(vertices, self._facets.simplices)
-        if len(moved) > _SENTENCES:
-            moved = [*moved[:_SENTENCES], f"{len(moved) - _SENTENCES} more faces were moved likewise"]
-        return result, said + moved
+        result._facets = vertices
+        return result, (["its triangles looked inwards: turned round"] if self._inverted else []) + said
+
+
+@lru_cache(maxsize=16)
+def _snapped(facets: Facets, grid: Grid) -> tuple[Facets, list[str]]:
+    """Return a surface with its large level faces on cell faces, and what that moved visibly."""
+    vertices, normals = facets.vertices.copy(), facets.normals
+    area = np.linalg.norm(normals, axis=1)
+    moved: list[str] = []
+    for k in range(3):
+        level = np.abs(normals[:, k]) > (1.0 - _LEVEL) * area
+        height = facets.corners[level, :, k].mean(axis=1)
+        for heights, total in _levels(height, area[level], 1e-4 * grid.spacing):
+            if total < _SMALLEST_FACE * grid.spacing**2:
+                continue
+            at = float(np.mean(heights))
+            sentences: list[str] = []
+            cells = round((grid.snap(at, k, f"a face at {'xyz'[k]}", sentences) - grid.origin[k]) / grid.spacing)
+            to = grid.origin[k] + cells * grid.spacing  # binary files hold seven digits: 0.60000002
+            own = np.abs(facets.vertices[:, k] - at) < 2e-4 * grid.spacing
+            others = np.abs(vertices[~own, k] - at)
+            if len(others) and others.min() < 2.0 * abs(to - at):
+                continue
+            vertices[own, k] = to
+            moved += sentences
+    if len(moved) > _SENTENCES:
+        moved = [*moved[:_SENTENCES], f"{len(moved) - _SENTENCES} more faces were moved likewise"]
+    return Facets(vertices, facets.simplices), moved
 
 
 def _levels(
