@@ -5,7 +5,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -13,9 +12,8 @@ import pytest
 import spume
 from spume import kernels
 from spume.outputs import OutputSettings, checkpoint, summary, vtkhdf
-from spume.outputs.disk import NotWritten
 from spume.outputs.gauges import Elevation, Volume
-from spume.progress import Progress, seconds_of
+from spume.progress import Progress
 from spume.run import run
 from spume.steps.predict_move_project import PredictMoveProject
 from tanks import column, dam_break

@@ -109,8 +109,8 @@ def main() -> None:
     """Run every setting; print and save the table."""
     cells = int(sys.argv[1]) if len(sys.argv) > 1 else 40
     rows = []
-    head = "tolerance Courant | at rest: rms p, iterations | wave: energy lost a period | dam break: rms p, rms levels, "
-    print(head + "peak, |n - n0|/n0, volume drift, collisions, iterations, steps, seconds", flush=True)
+    print("tolerance Courant | at rest: rms p, iterations | wave: energy lost a period | dam break: rms p, rms levels,")
+    print("  peak, |n - n0|/n0, volume drift, collisions, iterations, steps, seconds", flush=True)
     for _, tolerance, courant in SETTINGS:
         settings = [f"step.solver.tolerance={tolerance}", f"time.courant={courant}"]
         row: dict[str, Any] = {"tolerance": float(tolerance), "courant": float(courant)}
@@ -118,7 +118,8 @@ def main() -> None:
         rows.append(row)
         r, w, d = row["rest"], row["wave"], row["dam break"]
         print(
-            f"{tolerance:>9} {courant:>7} | {100 * r['error']:6.3f} % {r['iterations']:4.1f} | {100 * w['lost']:6.2f} % | "
+            f"{tolerance:>9} {courant:>7} | {100 * r['error']:6.3f} % {r['iterations']:4.1f} | "
+            f"{100 * w['lost']:6.2f} % | "
             f"{d['pressure rms']:.3f} {100 * d['level rms']:.2f} % {d['peak']:.2f} {100 * d['density']:.2f} % "
             f"{100 * d['drift']:.2f} % {d['collisions']:.0f} {d['iterations']:.1f} {d['steps']} {d['seconds']:.0f}",
             flush=True,
