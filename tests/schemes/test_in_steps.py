@@ -24,8 +24,8 @@ pytestmark = pytest.mark.usefixtures("runtime")
 def test_water_at_rest_is_held(name, family, key):
     """A gradient or source that did nothing would let it fall at g t."""
     case = column(cells=(6, 8), disturbance=0.05, step=STEPS[name](**{family: named.find(family, key)()}))
-    simulation = advanced(build(case, threads=1), steps=6)
+    simulation = advanced(build(case, threads=1), steps=12)
     u = simulation.fetch("velocity")[simulation.snapshot().fluid]
     assert np.isfinite(u).all()
-    assert np.abs(u.mean(axis=0)[1]) < 0.1 * 9.81 * simulation.time
+    assert np.abs(u.mean(axis=0)[1]) < 0.2 * 9.81 * simulation.time
     assert simulation.statistics["removed"] == 0
