@@ -316,3 +316,20 @@ def test_schema_accepts_what_the_loader_accepts():
     jsonschema = pytest.importorskip("jsonschema")
     for path in built_in_cases().values():
         jsonschema.validate(tomllib.loads(path.read_text()), schema())
+
+
+@pytest.mark.parametrize("gradient", ["minimum", "cmps", "sum", "corrected-minimum"])
+def test_a_flow_under_tension_refuses_what_only_repels(file, gradient):
+    found = complaint(file, "tensile = true\n" + CASE, [f"step.gradient={gradient}"])
+    assert len(found) == 1
+    assert f'step.gradient = "{gradient}"' in found[0]
+    assert "tensile = true" in found[0]
+    assert "choose one of completed, corrected, dummy-neighbour, original, second-order, stabilised" in found[0]
+    load(file, ["tensile=false", f"step.gradient={gradient}"])
+
+
+def test_a_flow_under_tension_refuses_to_clip(file):
+    found = complaint(file, "tensile = true\n" + CASE, ["step.negative_pressure=false"])
+    assert len(found) == 1
+    assert "step.negative_pressure = false: sets negative pressures to zero" in found[0]
+    load(file, ["step.negative_pressure=true", "step.gradient=corrected"])

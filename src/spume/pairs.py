@@ -117,6 +117,7 @@ class Pairs:
 
     def update(self, particles: Particles) -> int:
         """Make the list valid for the present positions; return how many rows left the region."""
+        particles.written("position")  # whoever moved rows, in whatever way, asks for an update
         return self.list.update(particles)
 
 
@@ -207,6 +208,7 @@ def row_map(
     inputs = [particles[behind.get(n, n)] for n in term.reads]
     kernel(particles["kind"], *inputs, particles[out], count, *arguments)
     particles.traffic += count * particles.row_bytes(("kind", *(behind.get(n, n) for n in term.reads), out))
+    particles.written(out)
 
 
 Signature = tuple[tuple[str, tuple[int, ...], bool], ...]
@@ -254,6 +256,7 @@ def _reduce(
     touched = ("position", "kind", *(behind.get(n, n) for n in reads), *outs)
     particles.traffic += particles.active * (12 + particles.row_bytes(touched))
     particles.visits += 1
+    particles.written(*outs)
 
 
 def load(signature: Signature, reads: Sequence[str]) -> tuple[Any, str]:

@@ -119,6 +119,8 @@ class Particles:
         self._row_of_id: Any = None
         self._row_of_id_valid = False
         self._partial: Any = None
+        self._writes: dict[str, int] = {}
+        self._origin: dict[str, tuple[Any, ...]] = {}
         self.declare(BASE_FIELDS)
         self.declare(fields)
 
@@ -149,6 +151,20 @@ class Particles:
             for n in names
         )
 
+    def written(self, *names: str) -> None:
+        """Note that fields were written, as pair sums, row maps and the search do; without names all fields."""
+        for name in names or self.fields:
+            self._writes[name] = self._writes.get(name, 0) + 1
+            self._origin.pop(name, None)
+
+    def keep(self, name: str, recipe: tuple[Any, ...], made_of: tuple[str, ...]) -> None:
+        """Note how a field was just made, so that ``keeps`` can say whether making it again would change it."""
+        self._origin[name] = (recipe, *(self._writes.get(n, 0) for n in made_of))
+
+    def keeps(self, name: str, recipe: tuple[Any, ...], made_of: tuple[str, ...]) -> bool:
+        """Return whether a field still holds what ``recipe`` made of fields that nobody has written since."""
+        return self._origin.get(name) == (recipe, *(self._writes.get(n, 0) for n in made_of))
+
     def value_type(self, name: str) -> Any:
         """Return the kernel language's type of one value of a field."""
         return self._type(self.fields[name])
@@ -166,6 +182,7 @@ class Particles:
         full = kernels.host(array)
         full[: self.count] = values
         kernels.publish(array, full)
+        self.written(name)
 
     def insert(self, rows: Mapping[str, ArrayLike]) -> None:
         """Append rows; fields that are not given take their ``initial`` value, ids are numbered on.
@@ -202,6 +219,7 @@ class Particles:
         self._row_of_id_valid = False
         self._next_id = max(self._next_id + new, int(self.numpy("id").max()) + 1)
         self.changed = True
+        self.written()
 
     def remove(self, rows: NDArray[np.bool_]) -> int:
         """Remove the rows where the mask of shape (count,) is true; return how many went."""
@@ -216,6 +234,7 @@ class Particles:
         self.active = self.count
         self._row_of_id_valid = False
         self.changed = True
+        self.written()
         return gone
 
     def replace(self, values: Mapping[str, NDArray[Any]], next_id: int) -> None:
@@ -233,6 +252,7 @@ class Particles:
         self.active = self.count
         self._row_of_id_valid = False
         self.changed = True
+        self.written()
 
     @property
     def next_id(self) -> int:
@@ -253,6 +273,7 @@ class Particles:
                 self._spares[kind] = source
                 self.traffic += self.count * (4 + 2 * self.row_bytes([name]))
         self._row_of_id_valid = False
+        self.written()
 
     def part(self, active: int) -> None:
         """Let only the first ``active`` rows take part in the steps; the rows behind are solid and dry.
@@ -267,6 +288,7 @@ class Particles:
         signature = tuple((n, self.fields[n].value_shape(self.dimension), self.fields[n].dtype is int) for n in lost)
         initial = tuple(float(self.fields[n].initial) for n in lost)
         _part_kernel(signature, initial)(self["dry"], *[self[n] for n in lost], active, self.count)
+        self.written(*lost)
 
     def rows_by_id(self) -> Any:
         """Return a device array that holds the present row number of each id."""
