@@ -38,6 +38,7 @@ class Simulation:
         self.clock = clock
         self.statistics: dict[str, float] = {}
         domain.particles.declare(step.needed_fields())
+        step.begin(domain)
         self._viscosity = float(np.max(domain.particles.numpy("kinematic_viscosity"), initial=0.0))
         self._acceleration = 0.0
         self._snapshot: Snapshot | None = None
