@@ -1,8 +1,6 @@
 """The family of steps, and the row formulas that steps share."""
 
-import time
 from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import ClassVar, Literal, Self
 
 import numpy as np
@@ -12,7 +10,7 @@ from spume import kernels
 from spume.domain import Domain
 from spume.named import Scheme
 from spume.pairs import row_map, row_term
-from spume.particles import ANY, FLUID, Field, Particles
+from spume.particles import ANY, FLUID, WALL, Field, Particles
 from spume.pressure.base import Solver
 from spume.pressure.components import COMPONENT
 from spume.pressure.matrix import SYSTEM_FIELDS, UNKNOWN
@@ -38,13 +36,23 @@ from spume.wall_models.base import WallModel
 from spume.wall_models.neumann import Neumann
 
 
-@row_term(reads=("position",))
-def central_acceleration(a, gx, gy, gz, fx, fy, fz, stiffness):  # type: ignore[no-untyped-def]
+@row_term(reads=("position", "velocity"))
+def acceleration_of_frame(a, gx, gy, gz, fx, fy, fz, xx, xy, xz, yx, yy, yz, zx, zy, zz, wx, wy, wz, dt):  # type: ignore[no-untyped-def]
     g = kernels.qd.Vector([gx, gy, gz])
     f = kernels.qd.Vector([fx, fy, fz])
-    result = a.position * (-stiffness)
+    gradient = kernels.qd.Matrix([[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]])
+    w = kernels.qd.Vector([wx, wy, wz])
+    u = w * 0.0
+    for k in kernels.static(range(a.velocity.n)):
+        u[k] = a.velocity[k]
+    # -2 w x u at the middle of the step, solved for: it turns the velocity and leaves its length.
+    coriolis = -2.0 * w.cross(u)
+    coriolis = (coriolis - dt * w.cross(coriolis)) / (1.0 + dt * dt * w.dot(w))
+    result = a.position
     for k in kernels.static(range(result.n)):
-        result[k] += g[k] + stiffness * f[k]
+        result[k] = g[k] + coriolis[k]
+        for m in kernels.static(range(result.n)):
+            result[k] += gradient[k, m] * (a.position[m] - f[m])
     return result
 
 
@@ -89,6 +97,17 @@ def surface_value(a, n0, half, full):  # type: ignore[no-untyped-def]
     return value * min(max((a.number_density / n0 - 0.45) / 0.2, 0.0), 1.0)
 
 
+@row_term(reads=("surface_diagonal",))
+def stiffened(a, stiffness):  # type: ignore[no-untyped-def]
+    return a.surface_diagonal + stiffness
+
+
+@row_term(reads=("surface_diagonal", "surface_value", "pressure"))
+def drawn_between(a, stiffness, kept):  # type: ignore[no-untyped-def]
+    total = a.surface_diagonal * a.surface_value + stiffness * kept * a.pressure
+    return total / (a.surface_diagonal + stiffness)
+
+
 @row_term(reads=("pressure",))
 def not_negative(a):  # type: ignore[no-untyped-def]
     return max(a.pressure, 0.0)
@@ -97,6 +116,9 @@ def not_negative(a):  # type: ignore[no-untyped-def]
 @row_term(reads=("pressure",))
 def is_negative(a):  # type: ignore[no-untyped-def]
     return kernels.qd.cast(a.pressure < 0.0, kernels.i32)
+
+
+CLIPPED = Field("clipped", (), "1", "1 where a negative pressure was set to zero", int)
 
 
 class Step(Scheme, family="step"):
@@ -136,7 +158,7 @@ class Step(Scheme, family="step"):
     """Part of the limit courant sqrt(l0/|a|) of the time step up to which a fluid at rest stays at rest."""
     instants: ClassVar[tuple[str, ...]] = ("k", "*")
     """Instants at which the step can evaluate a source."""
-    fields: ClassVar[tuple[Field, ...]] = (*SYSTEM_FIELDS, COMPONENT)
+    fields: ClassVar[tuple[Field, ...]] = (*SYSTEM_FIELDS, COMPONENT, CLIPPED, *Corrected.needs)
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -159,7 +181,7 @@ class Step(Scheme, family="step"):
         if self.solver.symmetric_only and not self.laplacian.symmetric:
             raise ValueError(
                 f"solver {self.solver.key!r} needs a symmetric matrix, which the laplacian {self.laplacian.key!r} "
-                "does not give: choose bicgstab"
+                "does not give: choose multigrid or bicgstab"
             )
         return self
 
@@ -169,11 +191,9 @@ class Step(Scheme, family="step"):
 
     def begin(self, domain: Domain) -> None:
         """Prepare the state before the first step: the gradient of the initial pressure, which the first step uses."""
-        lattice, particles, pairs = domain.lattice, domain.particles, domain.pairs
-        pairs.update(particles)
-        self.number_density(lattice, particles, pairs)
-        self.free_surface(lattice, particles, pairs, self.number_density)
-        self.gradient(lattice, particles, pairs, over=FLUID)
+        domain.pairs.update(domain.particles)
+        # Not the step's own model, which may want a time step or the images of a wall.
+        Corrected()(domain.lattice, domain.particles, domain.pairs, over=FLUID)
 
     def needed_fields(self) -> tuple[Field, ...]:
         """Return every field that the step and the schemes in its slots need."""
@@ -196,26 +216,10 @@ def nested(scheme: Scheme) -> Iterator[Scheme]:
             yield from nested(value)
 
 
-stage_times: dict[str, float] = {}
-"""Wall time [s] spent in each stage since the program started; the run loop takes differences."""
-
-
-@contextmanager
-def stage(name: str) -> Iterator[None]:
-    """Add the wall time of a block to a stage."""
-    begin = time.perf_counter()
-    yield
-    stage_times[name] = stage_times.get(name, 0.0) + time.perf_counter() - begin
-
-
-def accelerate(domain: Domain, t: float) -> None:
-    """Set ``acceleration`` of every row to gravity at the time t."""
-    g = [*map(float, domain.gravity.at(t)), 0.0][:3]
-    f = [*map(float, domain.gravity.focus), 0.0][:3]
-    row_map(
-        central_acceleration, domain.particles, out="acceleration", rows=ANY,
-        arguments=(*g, *f, domain.gravity.stiffness),
-    )  # fmt: skip
+def accelerate(domain: Domain, t: float, dt: float) -> None:
+    """Set ``acceleration`` of every row to gravity at the time t, and what a moving frame adds to it."""
+    numbers = domain.force(t).numbers()
+    row_map(acceleration_of_frame, domain.particles, out="acceleration", rows=ANY, arguments=(*numbers, dt))
 
 
 def surface_pressure(step: Step, domain: Domain, t: float) -> float:
@@ -226,24 +230,26 @@ def surface_pressure(step: Step, domain: Domain, t: float) -> float:
     return 0.5 * domain.density * g * domain.lattice.spacing
 
 
-def solve_pressure(step: Step, domain: Domain, surface_pressure: float) -> dict[str, float]:
+def solve_pressure(step: Step, domain: Domain, surface_pressure: float, dt: float) -> dict[str, float]:
     """Assemble and solve the pressure Poisson equation; return iterations and residual.
 
     Raises:
         NotConverged: see ``Solver``.
     """
     particles, system = domain.particles, domain.system
-    with stage("assembly"):
+    with domain.stages("assembly"):
         step.wall_model.states(particles, step.free_surface.known)
         row_map(
-            surface_value, particles, out="surface_value", rows=FLUID,
+            surface_value, particles, out="surface_value", rows=FLUID | WALL,
             arguments=(step.number_density.n0(domain.lattice), 0.5 * domain.lattice.spacing, surface_pressure),
         )  # fmt: skip
         step.free_surface.draw(domain.lattice, particles, step.laplacian, step.number_density)
         row_map(known_or_guess, particles, out="pressure", rows=ANY)
-        system.assemble(step.laplacian, domain.lattice, particles, domain.pairs)
+        if step.source.compressibility > 0.0:
+            _compress(step.source, particles, dt)
+        system.assemble(step.laplacian, domain.lattice, particles, domain.pairs, over=step.wall_model.carriers)
         floating = domain.components.project(system, particles)
-    with stage("solve"):
+    with domain.stages("solve"):
         solution = step.solver(system, particles)
         domain.components.centre(floating, particles)
     figures: dict[str, float] = {
@@ -257,8 +263,14 @@ def solve_pressure(step: Step, domain: Domain, surface_pressure: float) -> dict[
     return figures
 
 
+def _compress(source: Source, particles: Particles, dt: float) -> None:
+    """Draw every row to its pressure before, or to zero, with the weight alpha_c/dt^2: see ``compressibility``."""
+    stiffness, kept = source.compressibility / dt**2, 0.0 if source.of_volume else 1.0
+    row_map(drawn_between, particles, out="surface_value", rows=FLUID | WALL, arguments=(stiffness, kept))
+    row_map(stiffened, particles, out="surface_diagonal", rows=FLUID | WALL, arguments=(stiffness,))
+
+
 def _clip(particles: Particles) -> float:
-    row_map(is_negative, particles, out="component", rows=FLUID)
-    clipped = particles.total("component", FLUID)
+    row_map(is_negative, particles, out="clipped", rows=FLUID)
     row_map(not_negative, particles, out="pressure", rows=ANY)
-    return clipped
+    return particles.total("clipped", FLUID)
