@@ -105,7 +105,8 @@ def main() -> None:
         print(
             f"{row['code']:20s} {row['fluid']:7d} fluid, {row['steps']:5d} steps, {row['wall']:7.1f} s: "
             f"{row['simulated per wall second']:.4f} simulated s per s, "
-            f"{row['us per fluid particle and step']:.2f} us per fluid particle and step, mean dt {1e3 * row['mean dt']:.2f} ms\n"
+            f"{row['us per fluid particle and step']:.2f} us per fluid particle and step, "
+            f"mean dt {1e3 * row['mean dt']:.2f} ms\n"
             f"{'':20s} |n - n0|/n0 {100 * row['error']:.2f} % (signed {100 * row['signed']:+.2f} %, "
             f"{row['judged']:.0f} rows a frame), volume {100 * row['volume']:+.2f} %, front at t = 0.3 s "
             f"{row['front'][min(5, len(row['front']) - 1)]:.3f} m"
