@@ -8,8 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter
-from scipy.spatial import cKDTree
 
 from spume.geometry.grid import Grid, TooManyCellsError
 from spume.geometry.shapes import Shape
@@ -50,7 +48,7 @@ def wall_layers(shape: Shape, grid: Grid, layers: int, *, wetted: str) -> Layers
         points = grid.centres(wide + corner - layers)
         depth = sign * shape.distance(points) / grid.spacing  # behind the surface, positive in the solid
         wet = (depth < -1e-6).reshape(window)
-        near = maximum_filter(wet, size=2 * layers + 1, mode="nearest").reshape(-1)
+        near = _widened(wet, layers).reshape(-1)
         rows = near & ~wet.reshape(-1) & (depth < deepest)
         rows &= np.all((wide >= layers) & (wide < size + layers), axis=1)
         if wetted == "inside":
@@ -67,6 +65,18 @@ def wall_layers(shape: Shape, grid: Grid, layers: int, *, wetted: str) -> Layers
     to_surface = shape.nearest(position) - position
     wall = depth < 1.0 - 1e-6
     return Layers(position, wall, to_surface, masters(position, wall, to_surface))
+
+
+def _widened(marked: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
+    """Return which cells have a marked one at most `reach` cells away along every axis."""
+    for axis in range(marked.ndim):
+        wide = marked.copy()
+        along, into = np.moveaxis(marked, axis, 0), np.moveaxis(wide, axis, 0)
+        for shift in range(1, reach + 1):
+            into[shift:] |= along[:-shift]
+            into[:-shift] |= along[shift:]
+        marked = wide
+    return marked
 
 
 _EDGE = {2: 64, 3: 24}
@@ -99,6 +109,8 @@ def masters(
     The search starts a quarter of the way to the surface, which decides ties along `to_surface`: the
     diagonal dummy of a corner finds the corner's wall row, one of a convex edge the row of its own face.
     """
+    from scipy.spatial import cKDTree
+
     result = np.arange(len(position))
     wall_rows = np.flatnonzero(wall)
     dummies = np.flatnonzero(~wall)
