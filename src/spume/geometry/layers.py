@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from spume.geometry.grid import Grid, TooManyCellsError
 from spume.geometry.shapes import Shape
@@ -109,8 +110,6 @@ def masters(
     The search starts a quarter of the way to the surface, which decides ties along `to_surface`: the
     diagonal dummy of a corner finds the corner's wall row, one of a convex edge the row of its own face.
     """
-    from scipy.spatial import cKDTree
-
     result = np.arange(len(position))
     wall_rows = np.flatnonzero(wall)
     dummies = np.flatnonzero(~wall)
