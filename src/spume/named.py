@@ -119,8 +119,10 @@ def _beyond(item: Any, loc: Location) -> Iterator[tuple[Location, Any]]:
     if isinstance(item, tuple):
         for index, part in enumerate(item):
             yield from _beyond(part, (*loc, index))
-    elif isinstance(item, int | float) and (LARGEST < abs(item) < math.inf or 0.0 < abs(item) < SMALLEST):
-        yield loc, item
+    elif isinstance(item, int | float):  # a coordinate may be as near to zero as it likes
+        least = SMALLEST if len(loc) == 1 else 0.0
+        if LARGEST < abs(item) < math.inf or 0.0 < abs(item) < least:
+            yield loc, item
 
 
 def _tuples(value: Any) -> Any:
