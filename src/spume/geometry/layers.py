@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter
 from scipy.spatial import cKDTree
 
 from spume.geometry.grid import Grid, TooManyCellsError
@@ -53,7 +52,7 @@ def wall_layers(shape: Shape, grid: Grid, layers: int, *, wetted: str) -> Layers
         # Behind the surface, positive in the solid.
         depth = sign * shape.distance_within(points, (deepest + 0.5) * grid.spacing) / grid.spacing
         wet = (depth < -1e-6).reshape(window)
-        near = maximum_filter(wet, size=2 * layers + 1, mode="nearest").reshape(-1)
+        near = _widened(wet, layers).reshape(-1)
         rows = near & ~wet.reshape(-1) & (depth < deepest)
         rows &= np.all((wide >= layers) & (wide < size + layers), axis=1)
         if wetted == "inside":
@@ -101,6 +100,18 @@ def _into_the_fluid(shape: Shape, points: NDArray[np.float64], sign: float, spac
     length = np.linalg.norm(slope, axis=1, keepdims=True)
     slope[length[:, 0] == 0.0, -1] = 1.0  # thinner than the step: there is no side to tell
     return slope / np.where(length == 0.0, 1.0, length)
+
+
+def _widened(marked: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
+    """Return which cells have a marked one at most `reach` cells away along every axis."""
+    for axis in range(marked.ndim):
+        wide = marked.copy()
+        along, into = np.moveaxis(marked, axis, 0), np.moveaxis(wide, axis, 0)
+        for shift in range(1, reach + 1):
+            into[shift:] |= along[:-shift]
+            into[:-shift] |= along[shift:]
+        marked = wide
+    return marked
 
 
 _EDGE = {2: 64, 3: 24}
