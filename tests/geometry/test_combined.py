@@ -41,19 +41,11 @@ def test_laws_of_sets(d, data):
     x = POINTS[d]
     ina, inb, inc = (s.inside(x) for s in (a, b, c))
     assert np.array_equal(Union(of=(a, b, c)).inside(x), ina | inb | inc)
-    try:
-        left = Difference(of=a, without=(b, c))
-    except ValidationError as error:
-        assert "nothing is left" in str(error)
-        assert not (ina & ~inb & ~inc).any()
-    else:
-        assert np.array_equal(left.inside(x), ina & ~inb & ~inc)
-    try:
+    rest = ina & ~inb & ~inc
+    if rest.any():
+        assert np.array_equal(Difference(of=a, without=(b, c)).inside(x), rest)
+    if (ina & inb).any():
         both = Intersection(of=(a, b))
-    except ValidationError as error:
-        assert "nothing in common" in str(error)
-        assert not (ina & inb).any()
-    else:
         assert np.array_equal(both.inside(x), ina & inb)
         # |A or B| = |A| + |B| - |A and B|, on the facets of curved shapes
         sum_of = a.facets().measure() + b.facets().measure()
@@ -108,10 +100,10 @@ def test_walls_of_two_boxes_in_one_are_those_of_the_box(d):
 def test_nearest_point_in_a_notch_is_on_its_edge():
     """A point above a notch: the face below is cut away, the nearest point left is the notch's rim."""
     block = Difference(of=Box(lower=(0, 0), upper=(1, 1)), without=Box(lower=(0.4, 0.5), upper=(0.6, 1.5)))
-    assert block.nearest(np.array([[0.5, 1.2], [0.45, 1.1]])) == pytest.approx(
-        np.array([[0.4, 1.0], [0.4, 1.0]]), abs=1e-7
-    ) or block.nearest(np.array([[0.5, 1.2]])) == pytest.approx(np.array([[0.6, 1.0]]), abs=1e-7)
-    assert block.distance(np.array([[0.5, 0.9]])) == pytest.approx([0.1])
+    rims = block.nearest(np.array([[0.45, 1.1], [0.56, 1.2]]))
+    assert rims == pytest.approx(np.array([[0.4, 1.0], [0.6, 1.0]]), abs=1e-7)
+    assert block.nearest(np.array([[0.5, 0.45]])) == pytest.approx(np.array([[0.5, 0.5]]), abs=1e-7)
+    assert block.distance(np.array([[0.45, 0.9]])) == pytest.approx([0.05])
     assert block.measure() == pytest.approx(0.9)
     assert block.surface() == pytest.approx(5.0)
 
