@@ -72,6 +72,8 @@ def wall_layers(shape: Shape, grid: Grid, layers: int, *, wetted: str) -> Layers
         to_surface[on] = _ON * grid.spacing * _into_the_fluid(shape, position[on], sign, grid.spacing)
     wall = depth < 1.0 - 1e-6
     area = np.where(wall, face_area(to_surface, grid.spacing), 0.0)
+    faced = np.flatnonzero(area)
+    area[faced] *= _stretch(shape, position[faced], to_surface[faced], 0.25 * grid.spacing)
     return Layers(position, wall, to_surface, area, masters(position, wall, to_surface))
 
 
@@ -86,6 +88,29 @@ def face_area(to_surface: NDArray[np.float64], spacing: float) -> NDArray[np.flo
     steepest = np.abs(to_surface).max(axis=1) / np.where(distance > 0.0, distance, 1.0)
     faced = (distance > 0.0) & (distance < (steepest - 1e-6) * spacing)
     return np.where(faced, spacing ** (to_surface.shape[1] - 1) / np.where(faced, steepest, 1.0), 0.0)
+
+
+def _stretch(
+    shape: Shape, points: NDArray[np.float64], to_surface: NDArray[np.float64], step: float
+) -> NDArray[np.float64]:
+    """Return how many times as large a curved surface is as its parallel surface through a row, 1 where it is flat.
+
+    That is the determinant of the map to the nearest point along the surface, by central differences. Where
+    the map jumps, behind an outer edge, there is no curvature: 1.
+    """
+    d = points.shape[1]
+    normal = to_surface / np.linalg.norm(to_surface, axis=1, keepdims=True)
+    if d == 2:
+        tangents = [np.column_stack([-normal[:, 1], normal[:, 0]])]
+    else:
+        first = np.cross(normal, np.eye(3)[np.abs(normal).argmin(axis=1)])
+        first /= np.linalg.norm(first, axis=1, keepdims=True)
+        tangents = [first, np.cross(normal, first)]
+    slopes = [(shape.nearest(points + step * t) - shape.nearest(points - step * t)) / (2.0 * step) for t in tangents]
+    lengths = np.array([np.linalg.norm(slope, axis=1) for slope in slopes])
+    area = lengths[0] if d == 2 else np.linalg.norm(np.cross(*slopes), axis=1)
+    smooth = np.all((lengths > 0.5) & (lengths < 2.0), axis=0)
+    return np.where(smooth, area, 1.0)
 
 
 _ON = 1e-4
