@@ -8,13 +8,11 @@ decorated with :func:`cached`, so that choosing another device or precision make
 import atexit
 import contextlib
 import functools
-import inspect
 import io
 import linecache
 import logging
 import os
 import shutil
-import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,71 +22,7 @@ from typing import Any
 os.environ.setdefault("ENABLE_QUADRANTS_HEADER_PRINT", "False")
 
 import numpy as np
-
-
-def _frame_info(frame: Any, context: int = 1) -> tuple[str, int, str, list[str], int]:
-    """Return what ``inspect.getframeinfo`` does, without a look through all loaded modules.
-
-    Quadrants asks at every function that it decorates whether that stands in a class: two thirds of the
-    time of importing it and us.
-    """
-    code = frame.f_code
-    return code.co_filename, frame.f_lineno, code.co_name, [linecache.getline(code.co_filename, frame.f_lineno)], 0
-
-
-_inspect_frame_info = inspect.getframeinfo
-inspect.getframeinfo = _frame_info  # type: ignore[assignment]
-try:
-    import quadrants as qd
-finally:
-    inspect.getframeinfo = _inspect_frame_info
-
-
-class _Inspect:
-    """The module ``inspect`` as Quadrants' decorators see it from now on."""
-
-    getframeinfo = staticmethod(_frame_info)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(inspect, name)
-
-
-def _quicken() -> None:
-    """Make Quadrants' translation of kernels quicker by a third, without a change to what it translates.
-
-    It reads, tokenizes and wraps the source of a function again at each call of it in each kernel. These are
-    its internals: what another release does not have stays as it is.
-    """
-    decorators = sys.modules.get("quadrants.lang.kernel_impl")
-    if hasattr(decorators, "inspect"):
-        decorators.inspect = _Inspect()  # type: ignore[union-attr]
-    functions = sys.modules.get("quadrants.lang._func_base")
-    if hasattr(functions, "get_source_info_and_src"):
-        read = functions.get_source_info_and_src  # type: ignore[union-attr]
-        sources: dict[Any, tuple[Any, list[str]]] = {}
-
-        def remembered(function: Any) -> tuple[Any, list[str]]:
-            code = function.__code__
-            if code not in sources:
-                sources[code] = read(function)
-            information, lines = sources[code]
-            return information, list(lines)
-
-        functions.get_source_info_and_src = remembered  # type: ignore[union-attr]
-    translators = sys.modules.get("quadrants.lang.ast.ast_transformer_utils")
-    context = getattr(translators, "ASTTransformerFuncContext", None)
-    if hasattr(context, "_build_pos_info"):
-
-        def place(self: Any, node: Any) -> str:
-            text = self.src[node.lineno - 1].rstrip() if node.lineno <= len(self.src) else ""
-            return (
-                f'File "{self.file}", line {node.lineno + self.lineno_offset}, in {self.func.func.__name__}:\n{text}\n'
-            )
-
-        context._build_pos_info = place  # type: ignore[union-attr]
-
-
-_quicken()
+import quadrants as qd
 
 log = logging.getLogger("spume")
 
