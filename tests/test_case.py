@@ -176,7 +176,7 @@ def test_folders_and_byte_order_marks(file):
         ("at = [1.6, 0.01]", "", "tank.toml:16: gauge.p.at: this key is required"),
         ('name = "water"', "name = 3", "tank.toml:8: fluid.0.name = 3: must be text"),
         ('name = "water"', 'name = "a b"', "tank.toml:8: fluid.a b.name"),
-        ("[[gauge]]", '[[gauge]]\nbody = "x"', "tank.toml:17: gauge.p.body = \"x\": no such key"),
+        ("[[gauge]]", '[[gauge]]\nbodies = "x"', "tank.toml:17: gauge.p.bodies = \"x\": no such key"),
         (
             '[time]',
             '[domain]\nperiodic = ["z"]\nlower=[0,0]\nupper=[1,1]\n[time]',

@@ -5,13 +5,14 @@ import os
 import signal
 import tomllib
 
-import numpy as np
 import pytest
 from rich.console import Console
 
 import spume
+from spume import progress as progress_module
 from spume import run as run_module
-from spume.run import Clipping, FolderExistsError, Progress, duration, make_folder, run_folder
+from spume.progress import Progress, duration
+from spume.run import FolderExistsError, make_folder, run_folder
 from spume.simulation import Diverged
 
 
@@ -35,6 +36,8 @@ class StandIn:
 
 
 class Recorder:
+    checkpoint = None
+
     def __init__(self):
         self.said, self.at_step = [], {}
         self.fail_at_end = False
@@ -154,7 +157,7 @@ def test_progress_in_a_terminal_is_a_bar():
 
 def test_time_left_is_the_rest_over_the_recent_speed(monkeypatch):
     now = [0.0]
-    monkeypatch.setattr(run_module.wall, "monotonic", lambda: now[0])
+    monkeypatch.setattr(progress_module.wall, "monotonic", lambda: now[0])
     progress = Progress(None, 100.0)
     simulation = StandIn()
     simulation.dt = 1.0
@@ -172,38 +175,3 @@ def test_time_left_is_the_rest_over_the_recent_speed(monkeypatch):
 )
 def test_duration(seconds, words):
     assert duration(seconds) == words
-
-
-class Clipped:
-    """A simulation of 200 fluid rows inside, 50 on the surface and 80 of walls; some pressures were clipped."""
-
-    step_index = 12
-
-    def __init__(self, clipped):
-        self.statistics = {"clipped": clipped}
-
-    def fetch(self, name):
-        return np.repeat({"kind": [1, 1, 2], "free_surface": [0, 1, 0]}[name], [200, 50, 80])
-
-
-def test_many_clipped_pressures_are_warned_about_once(caplog, monkeypatch):
-    monkeypatch.setattr(run_module.log, "propagate", True)
-    clipping = Clipping()
-    for clipped in (0, 1, 2):  # up to 1 % of the 200
-        clipping.watch(Clipped(clipped))
-    assert not caplog.records
-    for _ in range(3):
-        clipping.watch(Clipped(3))
-    assert len(caplog.records) == 1
-    message = caplog.records[0].getMessage()
-    assert "step 12: the pressure of 3 of 200 particles inside the fluid (1.5 %)" in message
-    assert "step.negative_pressure = true" in message
-    assert "corrected" in message
-    assert "minimum" not in message
-
-
-def test_a_run_watches_for_clipped_pressures(case, recorder, monkeypatch):
-    seen = []
-    monkeypatch.setattr(Clipping, "watch", lambda self, simulation: seen.append(simulation.step_index))
-    case.run()
-    assert seen == list(range(1, 11))
