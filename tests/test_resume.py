@@ -14,6 +14,7 @@ import pytest
 import spume
 from spume import kernels
 from spume.outputs import OutputSettings, checkpoint, summary, vtkhdf
+from spume.outputs.disk import NotWritten
 from spume.outputs.gauges import Elevation, Volume
 from spume.progress import Progress, seconds_of
 from spume.run import _Limit, run
