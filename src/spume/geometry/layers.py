@@ -109,7 +109,7 @@ def _stretch(
         tangents = [first, np.cross(normal, first)]
     slopes = [(shape.nearest(points + step * t) - shape.nearest(points - step * t)) / (2.0 * step) for t in tangents]
     lengths = np.array([np.linalg.norm(slope, axis=1) for slope in slopes])
-    area = lengths[0] if d == 2 else np.linalg.norm(np.cross(*slopes), axis=1)
+    area = lengths[0] if d == 2 else np.linalg.norm(np.cross(slopes[0], slopes[1]), axis=1)
     smooth = np.all((lengths > 0.5) & (lengths < 2.0), axis=0)
     return np.where(smooth, area, 1.0)
 
