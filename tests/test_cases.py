@@ -10,6 +10,7 @@ COARSER = {
     "dam-break": 0.03,
     "dam-break-3d": 0.03,
     "dam-break-martin-moyce": 0.005715,
+    "dam-break-stl": 0.04,
     "hydrostatic": 0.05,
     "hydrostatic-3d": 0.05,
     "sloshing": 0.0186,

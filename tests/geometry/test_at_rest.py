@@ -73,7 +73,8 @@ def test_column_around_a_sphere(device):
     force = Force(name="f", body="obstacle").measure(simulation.snapshot())
     buoyancy = RHO_G * ball.measure()
     assert force["force_z"] == pytest.approx(buoyancy, rel=0.1)
-    assert abs(force["force_x"]) + abs(force["force_y"]) < 0.1 * buoyancy
+    # Off the symmetry of the lattice, at four spacings of radius.
+    assert max(abs(force["force_x"]), abs(force["force_y"])) < 0.1 * buoyancy
 
 
 @pytest.mark.parametrize("wetted", ["inside", "outside"])

@@ -162,8 +162,9 @@ def test_misspelt_key_deep_inside_is_named():
 
 def test_snapping_reaches_the_parts():
     shape = Difference(
-        of=Box(lower=(0.0, 0.0), upper=(1.013, 1.0)), without=Polygon(vertices=((0, 0), (0.513, 0), (0, 0.5)))
+        of=Box(lower=(0.0, 0.0), upper=(1.013, 1.0)), without=Polygon(vertices=((0, 0), (0.513, 0), (0.513, 0.5)))
     )
     snapped, said = shape.snapped(Grid((0.0, 0.0), 0.02))
     assert snapped.of.upper == pytest.approx((1.02, 1.0))
-    assert len(said) == 2  # the box's upper x, and the level edge of the polygon
+    assert snapped.without[0].vertices[1] == pytest.approx((0.52, 0.0))
+    assert len(said) == 3  # the box's upper x, and two vertices of the polygon's upright edge

@@ -43,7 +43,7 @@ SEAMS = {"union", "difference", "intersection"}
 """Shapes whose seams are found on facets that follow a curved part to 2e-4 of its radius."""
 
 
-def points(shape, number=4000):
+def points(shape, number=2000):
     d = len(shape.bounds()[0])
     return np.random.default_rng(1).uniform(-0.8, 0.8, (number, d))
 
@@ -62,7 +62,7 @@ class TestEveryShape:
 
     def test_no_surface_point_is_nearer(self, shape):
         x = points(shape, 200)
-        surface = shape.nearest(points(shape, 20_000))
+        surface = shape.nearest(points(shape, 5_000))
         best = np.linalg.norm(x[:, None] - surface[None], axis=2).min(axis=1)
         assert np.all(np.abs(shape.distance(x)) <= best + (3e-4 if shape.key in SEAMS else 1e-12))
 
@@ -83,20 +83,20 @@ class TestEveryShape:
         assert shape.inside(on - 1e-3 * normal).mean() > 0.98
 
     def test_measure_is_the_share_of_random_points(self, shape):
-        x = points(shape, 40_000)
+        x = points(shape, 20_000)
         expected = shape.measure() / 1.6 ** x.shape[1]
         assert shape.inside(x).mean() == pytest.approx(expected, abs=4 * math.sqrt(0.25 / len(x)))
 
     def test_surface_is_the_slope_of_the_measure(self, shape):
         """d(volume)/d(offset) at the surface is its area: count points in a thin shell."""
-        x = points(shape, 200_000)
+        x = points(shape, 60_000)
         thin = 0.02
         shell = np.abs(shape.distance_within(x, thin)) < thin
         d = x.shape[1]
         assert shell.mean() * 1.6**d / (2 * thin) == pytest.approx(shape.surface(), rel=0.05)
 
     def test_bounds_hold_the_inside_tightly(self, shape):
-        x = points(shape, 40_000)
+        x = points(shape, 20_000)
         x = x[shape.inside(x)]
         lower, upper = shape.bounds()
         assert np.all(x >= lower)
