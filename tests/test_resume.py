@@ -227,7 +227,7 @@ def test_a_full_disk_stops_the_run_and_spares_the_checkpoint(whole, monkeypatch,
     said = summary.read(folder)
     assert said["status"] == "interrupted"
     assert "bytes are needed, 100,000 are free" in said["reason"]
-    assert 0 < checkpoint.read(folder).step <= 6
+    assert checkpoint.read(folder).step <= 6
     assert not list(folder.glob("*.partial"))
     spume.resume(folder)
     assert_same(whole, folder)
