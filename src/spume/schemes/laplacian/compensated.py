@@ -16,4 +16,5 @@ class Compensated(Original, name="compensated"):
     ids: ClassVar[tuple[str, ...]] = ()
     reference: ClassVar = "duan2018"
     order: ClassVar = 0
+    conserves: ClassVar = frozenset()
     compensated: ClassVar = True

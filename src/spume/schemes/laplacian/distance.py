@@ -22,6 +22,7 @@ class Distance(Laplacian, name="distance"):
 
     reference: ClassVar = "liu2018"
     order: ClassVar = 0
+    conserves: ClassVar = frozenset({"flux"})
     symmetric: ClassVar = True
     coefficient: ClassVar = staticmethod(coefficient)
 
@@ -34,4 +35,5 @@ class CompensatedDistance(Distance, name="distance-compensated"):
     """<lap phi>_i = 2 d/n0 sum_j (phi_j - phi_i - r_ij . grad phi)/r^2 W."""
 
     reference: ClassVar = "duan2018"
+    conserves: ClassVar = frozenset()
     compensated: ClassVar = True

@@ -1,0 +1,119 @@
+"""Gradients of ``phi``."""
+
+import numpy as np
+
+
+def least(cloud, i):
+    """Smallest phi of a row and its neighbours."""
+    return min(cloud.phi[i], *(cloud.phi[j] for j, *_ in cloud.neighbours(i)))
+
+
+def matrix(cloud, i):
+    """C_i = [d/n0 sum_j W r (x) r/r^2]^-1."""
+    moment = np.zeros((cloud.d, cloud.d))
+    for _, r, s, w in cloud.neighbours(i):
+        moment += cloud.d / cloud.n0 * w * np.outer(r, r) / s**2
+    return np.linalg.inv(moment)
+
+
+def original(cloud):
+    """d/n0 sum_j (phi_j - phi_i)/r^2 r_ij W."""
+    g = cloud.vectors()
+    for i in range(len(cloud)):
+        for j, r, s, w in cloud.neighbours(i):
+            g[i] += cloud.d / cloud.n0 * (cloud.phi[j] - cloud.phi[i]) / s**2 * r * w
+    return g
+
+
+def minimum(cloud):
+    """d/n0 sum_j (phi_j - phimin_i)/r^2 r_ij W."""
+    g = cloud.vectors()
+    for i in range(len(cloud)):
+        lowest = least(cloud, i)
+        for j, r, s, w in cloud.neighbours(i):
+            g[i] += cloud.d / cloud.n0 * (cloud.phi[j] - lowest) / s**2 * r * w
+    return g
+
+
+def cmps(cloud):
+    """d/n0 sum_j [(phi_i + phi_j) - (phimin_i + phimin_j)]/r^2 r_ij W."""
+    g = cloud.vectors()
+    lowest = [least(cloud, i) for i in range(len(cloud))]
+    for i in range(len(cloud)):
+        for j, r, s, w in cloud.neighbours(i):
+            pair = (cloud.phi[i] + cloud.phi[j]) - (lowest[i] + lowest[j])
+            g[i] += cloud.d / cloud.n0 * pair / s**2 * r * w
+    return g
+
+
+def sum_(cloud):
+    """d/n0 sum_j (phi_j + phi_i)/r^2 r_ij W."""
+    g = cloud.vectors()
+    for i in range(len(cloud)):
+        for j, r, s, w in cloud.neighbours(i):
+            g[i] += cloud.d / cloud.n0 * (cloud.phi[j] + cloud.phi[i]) / s**2 * r * w
+    return g
+
+
+def corrected(cloud):
+    """d/n0 sum_j (phi_j - phi_i)/r^2 C_i r_ij W."""
+    g = cloud.vectors()
+    for i in range(len(cloud)):
+        C = matrix(cloud, i)
+        for j, r, s, w in cloud.neighbours(i):
+            g[i] += cloud.d / cloud.n0 * (cloud.phi[j] - cloud.phi[i]) / s**2 * (C @ r) * w
+    return g
+
+
+def corrected_minimum(cloud):
+    """d/n0 sum_j (phi_j - phimin_i)/r^2 C_i r_ij W."""
+    g = cloud.vectors()
+    for i in range(len(cloud)):
+        C, lowest = matrix(cloud, i), least(cloud, i)
+        for j, r, s, w in cloud.neighbours(i):
+            g[i] += cloud.d / cloud.n0 * (cloud.phi[j] - lowest) / s**2 * (C @ r) * w
+    return g
+
+
+def basis(r, s, l0):
+    """p = (x/r, y/r, x^2/(l0 r), y^2/(l0 r), xy/(l0 r)), in 3D with z, z^2, yz, zx likewise."""
+    squares = [c * c for c in r]
+    products = [r[0] * r[1]] if len(r) == 2 else [r[0] * r[1], r[1] * r[2], r[2] * r[0]]
+    return np.array([*r, *(v / l0 for v in (*squares, *products))]) / s
+
+
+def taylor(cloud, i):
+    """Solve sum_j W/n0 p p^T c = sum_j W/n0 p (phi_j - phi_i)/r: c holds gradient and l0/2 times second derivatives."""
+    size = 5 if cloud.d == 2 else 9
+    moment, right = np.zeros((size, size)), np.zeros(size)
+    for j, r, s, w in cloud.neighbours(i):
+        p = basis(r, s, cloud.l0)
+        moment += w / cloud.n0 * np.outer(p, p)
+        right += w / cloud.n0 * p * (cloud.phi[j] - cloud.phi[i]) / s
+    # Rows of the outermost layer may have too few neighbours: they are not compared.
+    return np.linalg.lstsq(moment, right, rcond=None)[0]
+
+
+def second_order(cloud):
+    """1/n0 sum_j W (phi_j - phi_i)/r (C_1, C_2) p, C = [1/n0 sum W p p^T]^-1."""
+    return np.array([taylor(cloud, i)[: cloud.d] for i in range(len(cloud))])
+
+
+def completed(cloud):
+    """d/n0 C_i sum_j (P_j - P_i + 2 theta_i P_i)/r^2 r_ij W, C_i = [M_i + theta_i (I - M_i)]^-1.
+
+    The eigenvalues of the bracket are raised to 0.3 at least.
+    """
+    g = cloud.vectors()
+    for i in range(len(cloud)):
+        moment = bounded(np.linalg.inv(matrix(cloud, i)), cloud.share[i])
+        for j, r, s, w in cloud.neighbours(i):
+            pair = cloud.phi[j] - cloud.phi[i] + 2 * cloud.share[i] * cloud.phi[i]
+            g[i] += cloud.d / cloud.n0 * pair / s**2 * np.linalg.solve(moment, r) * w
+    return g
+
+
+def bounded(moment, share):
+    """M + theta (I - M), with the smallest eigenvalue raised to 0.3 if it is less."""
+    moment = moment + share * (np.eye(len(moment)) - moment)
+    return moment + max(0.3 - np.linalg.eigvalsh(moment)[0], 0.0) * np.eye(len(moment))
