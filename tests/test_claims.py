@@ -5,32 +5,19 @@ family that give the same numbers. The reference values come from the double loo
 nothing of Spume; both they and the schemes are held to the number in the file.
 """
 
-import tomllib
 from functools import cache
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import asked
 from conftest import initialized
+from measured import CLAIMS, FAMILIES, SCHEMES, cells_of, claim, cloud_of, exact_degree, full, made, values, wave_error
 from reference.cloud import Cloud, checksum, loop, reference_value, scattered
 from reference.shapes import SHAPES, Water
-from spume import named
 
-CLAIMS = tomllib.loads((Path(__file__).parent / "claims.toml").read_text(encoding="utf-8"))
-named.load_all()
-FAMILIES = (*asked.ASK, "weight", "turbulence")
-SCHEMES = {
-    f"{family}.{scheme.key}": scheme
-    for family in FAMILIES
-    for scheme in named.schemes(family)
-    if scheme.__module__.startswith("spume.")
-}
-DIMENSIONS = ("2D", "3D")
-
-dimensions = pytest.mark.parametrize("d", [2, 3], ids=DIMENSIONS)
+dimensions = pytest.mark.parametrize("d", [2, 3], ids=["2D", "3D"])
 
 
 def of(*families, with_claim=None):
@@ -41,39 +28,10 @@ def of(*families, with_claim=None):
     return pytest.mark.parametrize("name", chosen)
 
 
-def claim(name):
-    """Return the entry of a scheme in claims.toml; empty where there is none."""
-    family, key = name.split(".")
-    return CLAIMS.get(family, {}).get(key, {})
-
-
 @pytest.fixture(scope="module", autouse=True)
 def one_runtime(device):
     """One thread, double precision, for the whole file: kernels are compiled once."""
     return initialized(device, 1, "double")
-
-
-def values(name):
-    """Return the entries ``value`` of a claim: parameters, 2D, 3D."""
-    entries = claim(name).get("value", [])
-    return entries if isinstance(entries, list) else [entries]
-
-
-def made(name, entry=None):
-    """Return the scheme with the parameters of an entry (default: those that the claims hold for)."""
-    entry = entry if entry is not None else (values(name) or [{}])[0]
-    return SCHEMES[name].model_validate(entry.get("parameters", {}))
-
-
-@cache
-def cloud_for(d, re=2.1, weight="inverse", disturbance=0.2, cells=None, l0=0.1):
-    return Cloud(d, re=re, weight=weight, disturbance=disturbance, cells=cells, l0=l0)
-
-
-def cloud_of(name, d, **changes):
-    """Return the cloud that a claim is about; its radius is the scheme's."""
-    own = {key: claim(name)[key] for key in ("re", "disturbance") if key in claim(name)}
-    return cloud_for(d, **(own | changes))
 
 
 # ------------------------------------------------------------------------------------- entries and references
@@ -100,7 +58,8 @@ def test_attributes_are_the_claims(name):
 def reference(name, entry, d):
     """Return the checksum that the double loop gives."""
     family, key = name.split(".")
-    return reference_value(family, entry.get("function", key), cloud_of(name, d), entry.get("arguments"))
+    key, text = entry.get("function", key), claim(name).get("loop")
+    return reference_value(family, key, cloud_of(name, d), entry.get("arguments"), text)
 
 
 def given(name, entry, d):
@@ -143,7 +102,7 @@ def test_every_scheme_has_a_reference_value(name):
 @pytest.mark.parametrize("family", sorted({name.split(".")[0] for name in SCHEMES}))
 def test_no_two_schemes_are_one(family):
     """Two names for one set of numbers on the disturbed cloud are one scheme."""
-    for d in DIMENSIONS:
+    for d in ("2D", "3D"):
         found = [(entry[d], name) for name in SCHEMES if name.startswith(f"{family}.") for entry in values(name)]
         found.sort()
         for (low, one), (high, other) in pairwise(found):
@@ -151,58 +110,6 @@ def test_no_two_schemes_are_one(family):
 
 
 # ------------------------------------------------------------------------------------ polynomials and rates
-
-
-def polynomial(cloud, degree):
-    """Return values, gradient and Laplacian of a polynomial with every term of that degree and below."""
-    direction = np.array([0.9, -0.7, 0.4])[: cloud.d] / cloud.l0
-    other = np.array([-0.3, 0.8, 0.6])[: cloud.d] / cloud.l0
-    s, t = cloud.x @ direction, cloud.x @ other
-    phi, slope, curve = np.zeros(len(cloud)), np.zeros((len(cloud), cloud.d)), np.zeros(len(cloud))
-    for k in range(degree + 1):
-        for z, v, c in ((s, direction, 1.0), (t, other, 0.6)):
-            phi += c * z**k
-            slope += c * (k * z ** max(k - 1, 0))[:, None] * v
-            curve += c * k * (k - 1) * z ** max(k - 2, 0) * (v @ v)
-    return phi, slope, curve
-
-
-def waves(cloud, l0=0.1):
-    """Return values, gradient and Laplacian of a wave whose length does not depend on the spacing."""
-    k = np.array([0.31, 0.23, -0.17])[: cloud.d] / l0
-    s = cloud.x @ k + 0.7
-    return np.sin(s), np.cos(s)[:, None] * k, -np.sin(s) * (k @ k)
-
-
-def error(name, cloud, field, rows):
-    """Return the largest error and the size of what is differentiated, over some rows."""
-    family = name.split(".")[0]
-    phi, slope, curve = field
-    scheme = made(name)
-    if family == "gradient":
-        found, exact = asked.gradient(scheme, cloud, phi), slope
-    elif family == "divergence":
-        u = np.stack([phi * c for c in (1.0, -0.4, 0.7)[: cloud.d]], axis=1)
-        exact = slope @ np.array([1.0, -0.4, 0.7][: cloud.d])
-        found = asked.divergence(scheme, cloud, u)
-    else:
-        found, exact = asked.laplacian(scheme, cloud, phi, gradient_before=slope), curve
-    scale = np.abs(phi).max() / cloud.l0 ** (2 if family == "laplacian" else 1)
-    return np.abs(found - exact)[rows].max(), scale
-
-
-def full(cloud):
-    """Return the rows of an undisturbed cloud that miss no neighbour."""
-    return np.abs(cloud.x).max(axis=1) < (cloud.cells / 2) * cloud.l0 - cloud.re
-
-
-def exact_degree(name, cloud, rows):
-    """Return the highest degree up to which every polynomial is exact; -1 if not even constants are."""
-    for degree in range(5):
-        worst, scale = error(name, cloud, polynomial(cloud, degree), rows)
-        if worst > 1e-9 * scale:
-            return degree - 1
-    return degree
 
 
 @of("gradient", "divergence", "laplacian")
@@ -227,20 +134,10 @@ def test_order_on_the_lattice(name, d):
 @pytest.mark.parametrize("arrangement", ["lattice", "disturbed"])
 def test_rate_of_convergence(name, d, arrangement):
     """The arrangement is refined, the wave is not: error ~ l0^rate."""
-    errors = []
-    for l0 in (0.05, 0.025):
-        cells = cells_of(name, d) if arrangement == "lattice" else None
-        cloud = cloud_of(name, d, disturbance=0.2 * (arrangement == "disturbed"), l0=l0, cells=cells)
-        rows = full(cloud) if arrangement == "lattice" else cloud.inner
-        errors.append(error(name, cloud, waves(cloud), rows)[0])
+    errors = [wave_error(name, d, arrangement, l0)[0] for l0 in (0.05, 0.025)]
     rate = np.log2(errors[0] / errors[1])
     expected = claim(name)["rates"][["lattice", "disturbed"].index(arrangement)]
     assert rate == pytest.approx(expected, abs=0.35)
-
-
-def cells_of(name, d):
-    """Return how many cells leave rows with every neighbour, also with a large radius."""
-    return int(2 * claim(name).get("re", 2.1)) + {2: 4, 3: 2}[d]
 
 
 # -------------------------------------------------------------------------------------------- conservation
@@ -402,6 +299,7 @@ def test_detection(name, d, shape):
     assert cloud.surface.sum() >= 5
     assert cloud.inside.any()
     expected = claim(name)["detection"][f"{d}D"][shape]
-    flags = loop("free_surface", claim(name).get("function", name.split(".")[1]))(cloud) > 0.5
+    entry = values(name)[0]
+    flags = loop("free_surface", entry.get("function", name.split(".")[1]), claim(name).get("loop"))(cloud) > 0.5
     assert counted(flags, cloud) == expected
     assert counted(asked.free_surface(made(name), cloud) > 0.5, cloud) == expected

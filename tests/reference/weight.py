@@ -32,14 +32,3 @@ def cubic_spline(r, re):
     """With the smoothing length h = re/2 and W(0) = 1."""
     q = r / (re / 2)
     return 1 - 3 / 2 * q**2 + 3 / 4 * q**3 if q < 1 else (2 - q) ** 3 / 4
-
-
-WEIGHTS = {
-    "inverse": inverse,
-    "inverse-bounded": inverse_bounded,
-    "inverse-square": inverse_square,
-    "quadratic": quadratic,
-    "gaussian": gaussian,
-    "wendland": wendland,
-    "cubic-spline": cubic_spline,
-}
