@@ -5,17 +5,27 @@ family that give the same numbers. The reference values come from the double loo
 nothing of Spume; both they and the schemes are held to the number in the file.
 """
 
+import importlib
+import json
+import re
+import sys
 from functools import cache
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import asked
 from conftest import initialized
 from measured import CLAIMS, FAMILIES, SCHEMES, cells_of, claim, cloud_of, exact_degree, full, made, values, wave_error
 from reference.cloud import Cloud, checksum, loop, reference_value, scattered
 from reference.shapes import SHAPES, Water
+from spume.cli import app
+
+DOCS = Path(__file__).parents[1] / "docs"
+sys.path.append(str(DOCS))
 
 dimensions = pytest.mark.parametrize("d", [2, 3], ids=["2D", "3D"])
 
@@ -303,3 +313,40 @@ def test_detection(name, d, shape):
     flags = loop("free_surface", entry.get("function", name.split(".")[1]), claim(name).get("loop"))(cloud) > 0.5
     assert counted(flags, cloud) == expected
     assert counted(asked.free_surface(made(name), cloud) > 0.5, cloud) == expected
+
+
+# --------------------------------------------------------------------------------------- documentation, ids
+
+
+@pytest.mark.skipif(not (DOCS / "generate_schemes.py").exists(), reason="no docs folder beside the tests")
+def test_pages_of_the_families_are_up_to_date():
+    """What is measured may differ in the last digit shown; words may not."""
+    generate = importlib.import_module("generate_schemes")
+    assert generate.stale() == [], "run python docs/generate_schemes.py"
+
+
+ROWS = {
+    **{f"B{k}": "gradient" for k in range(1, 10)},
+    **{f"C{k}": "laplacian" for k in range(1, 7)},
+    **{f"S{k}": "source" for k in range(1, 7)},
+    **{f"D{k}": "shifting" for k in range(1, 5)},
+    **{f"E{k}": "free_surface" for k in range(1, 8)},
+    "A5": "step",
+    "A6": "viscosity",
+}
+
+
+@pytest.mark.parametrize("row", ROWS)
+def test_every_row_of_the_review_can_be_selected(row, listed):
+    """``spume schemes`` lists a model of the right family for it, whose publication is in the bibliography."""
+    chosen = [scheme for scheme in listed if row in scheme["ids"] and scheme["family"] == ROWS[row]]
+    assert chosen, f"no {ROWS[row]} has the id {row}"
+    if DOCS.exists():
+        known = re.findall(r"^@\w+\{([^,\s]+),", (DOCS / "references.bib").read_text("utf-8"), re.MULTILINE)
+        assert [s["name"] for s in chosen if s["source"] not in known] == []
+
+
+@pytest.fixture(scope="module")
+def listed():
+    """What ``spume schemes --json`` prints."""
+    return json.loads(CliRunner().invoke(app, ["schemes", "--json"]).output)
