@@ -50,6 +50,15 @@ def inside(position, cells, spacing=0.1, reach=2.1, disturbance=0.0):
     return np.all(np.abs(position) < largest, axis=1)
 
 
+def cloud(d, disturbance, fields=(), **rows):
+    """Return (lattice, particles, pairs, core): a block of one size for all tests, and which rows see no edge of it."""
+    cells = 10 if d == 2 else 7
+    lattice, particles, pairs = table(block(d, cells, disturbance=disturbance), fields=fields, **rows)
+    core = inside(particles.numpy("position"), cells, disturbance=disturbance)
+    assert core.sum() >= 20 if d == 2 else core.any()
+    return lattice, particles, pairs, core
+
+
 def offsets(position, period=None):
     """Return r_ij = x_j - x_i, shape (n, n, d), through periodic boundaries where ``period`` is finite."""
     r = position[None, :, :] - position[:, None, :]

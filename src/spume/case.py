@@ -21,6 +21,7 @@ from spume.named import Location, Parameters, nearest_match
 from spume.outputs import Gauge, OutputSettings, Reference
 from spume.particles import BASE_FIELDS
 from spume.problems import CaseError, Origin, Problem
+from spume.schemes.gradient.base import tension_bearing
 from spume.steps.base import Step
 from spume.steps.project_in_place import ProjectInPlace
 
@@ -117,6 +118,8 @@ class Case(Parameters):
     """Floating-point numbers of 8 or of 4 bytes."""
     time: Time
     """End of the run and limits of the time step."""
+    tensile: bool = False
+    """Whether the flow holds negative pressures (a spinning drop, suction): models that repel or clip are refused."""
     domain: Domain = Domain()
     """Gravity, periodic axes and limits."""
     fluid: tuple[Fluid, ...]
@@ -180,7 +183,22 @@ class Case(Parameters):
             if layers is not None and layers < math.floor(radius) + 1:
                 message = f"must be at least {math.floor(radius) + 1}: the largest re is {radius:g} l0"
                 yield ("body", index, "layers"), message, layers
+        if self.tensile:
+            yield from self._repulsive_models()
         yield from self._output_inconsistencies()
+
+    def _repulsive_models(self) -> Iterator[tuple[Location, str, Any]]:
+        """Yield what turns negative pressures into something else."""
+        gradient = self.step.gradient
+        if gradient.repels:
+            message = (
+                f"{gradient.key!r} makes every pair of particles repel, where a flow with negative pressures "
+                f"(tensile = true) needs attraction: choose one of {', '.join(tension_bearing())}, or tensile = false"
+            )
+            yield ("step", "gradient"), message, gradient.key
+        if not self.step.negative_pressure:
+            message = "sets negative pressures to zero, of which a case with tensile = true has many: choose true"
+            yield ("step", "negative_pressure"), message, False
 
     def _output_inconsistencies(self) -> Iterator[tuple[Location, str, Any]]:
         """Yield what names a field or a gauge that does not exist."""

@@ -37,15 +37,20 @@ class Lattice:
             weight: a ``Weight`` scheme.
             re: effective radius as a multiple of l0.
         """
-        n0, second = _sums(weight, re, self.dimension)
+        n0, second, _ = _sums(weight, re, self.dimension)
         return second / n0 * self.spacing**2
+
+    def fourth(self, weight: Any, re: float) -> float:
+        """Return sum_j r_j^4 W / sum_j W of the full arrangement [m^4]."""
+        n0, _, fourth = _sums(weight, re, self.dimension)
+        return fourth / n0 * self.spacing**4
 
 
 @functools.cache
-def _sums(weight: Any, re: float, dimension: int) -> tuple[float, float]:
+def _sums(weight: Any, re: float, dimension: int) -> tuple[float, float, float]:
     reach = int(np.ceil(re))
     axis = np.arange(-reach, reach + 1)
     squares = np.sum([a.astype(float) ** 2 for a in np.meshgrid(*[axis] * dimension)], axis=0)
     r = np.sqrt(squares[(squares > 0) & (squares < re * re)])
     w = weight.values(r, re)
-    return float(w.sum()), float((w * r**2).sum())
+    return float(w.sum()), float((w * r**2).sum()), float((w * r**4).sum())

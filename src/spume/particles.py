@@ -22,7 +22,8 @@ class Field:
 
     Attributes:
         name: the field's name, as in ``docs/notation.md``.
-        shape: () for a scalar, ("d",) for a vector, ("d", "d") for a tensor, or integers.
+        shape: () for a scalar, ("d",) for a vector, ("d", "d") for a tensor, or integers; "basis" stands for the
+            d (d + 3)/2 monomials of first and second degree.
         unit: SI unit.
         doc: one sentence.
         dtype: float or int.
@@ -44,7 +45,8 @@ class Field:
 
     def value_shape(self, d: int) -> tuple[int, ...]:
         """Return the shape of one row's value in d dimensions."""
-        return tuple(d if s == "d" else int(s) for s in self.shape)
+        lengths = {"d": d, "basis": d * (d + 3) // 2}
+        return tuple(lengths[s] if isinstance(s, str) else s for s in self.shape)
 
 
 _REDUCTION_BLOCKS = 128
@@ -217,6 +219,14 @@ class Particles:
         _total_kernel(self.fields[name].dtype is int)(self[name], self["kind"], self._partial, rows, self.count)
         return float(np.sum(kernels.host(self._partial)))
 
+    def smallest(self, name: str, rows: int = ANY) -> float:
+        """Return the smallest value of a scalar field over rows of the given kinds, 0 if there are none."""
+        if self._partial is None:
+            self._partial = kernels.array(kernels.runtime().real, _REDUCTION_BLOCKS)
+        _smallest_kernel()(self[name], self["kind"], self._partial, rows, self.count)
+        smallest = float(np.min(kernels.host(self._partial)))
+        return smallest if smallest < np.finfo(kernels.runtime().dtype).max else 0.0
+
     def _grow(self, needed: int) -> None:
         if needed <= self.capacity:
             return
@@ -309,3 +319,26 @@ def _total_kernel(integer: bool) -> Any:
             partial[b] = s
 
     return total
+
+
+@kernels.cached
+def _smallest_kernel() -> Any:
+    real = kernels.runtime().real
+    Values, Rows = (kernels.array_type(t) for t in (real, kernels.i32))
+    serial, qd, blocks = kernels.runtime().serial, kernels.qd, _REDUCTION_BLOCKS
+    huge = float(np.finfo(kernels.runtime().dtype).max)
+
+    @kernels.kernel
+    def smallest(field: Values, kind: Rows, partial: Values, kinds: kernels.i32, count: kernels.i32):
+        qd.loop_config(serialize=serial)
+        for b in range(blocks):
+            found = qd.cast(huge, real)
+            for i in range(
+                qd.cast(qd.cast(count, qd.i64) * b // blocks, qd.i32),
+                qd.cast(qd.cast(count, qd.i64) * (b + 1) // blocks, qd.i32),
+            ):
+                if kind[i] & kinds != 0:
+                    found = qd.min(found, field[i])
+            partial[b] = found
+
+    return smallest

@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING, Any
 from spume.build import build
 from spume.case import Case
 from spume.outputs import outputs_of
+from spume.particles import FLUID
+from spume.schemes.gradient.base import tension_bearing
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -129,11 +131,13 @@ def run(
     )
     outputs = outputs_of(case)
     progress = Progress(console, case.time.end)
+    clipping = Clipping()
     with _stop_requested() as stop, progress:
         try:
             outputs.start(this)
             while not simulation.done and not stop():
                 simulation.advance()
+                clipping.watch(simulation)
                 outputs.after_step(this)
                 progress.step(simulation)
             this.status = FINISHED if simulation.done else INTERRUPTED
@@ -172,6 +176,32 @@ def _stop_requested() -> Iterator[Callable[[], bool]]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+class Clipping:
+    """Warns, once in a run, that many pressures inside the fluid are negative and set to zero."""
+
+    bar = 0.01
+    """Part of the rows inside the fluid, in one step, above which it warns [1]."""
+
+    def __init__(self) -> None:
+        self.warned = False
+
+    def watch(self, simulation: Any) -> None:
+        """Look at the step that was done."""
+        clipped = simulation.statistics.get("clipped", 0)
+        if self.warned or not clipped:
+            return
+        fluid = (simulation.fetch("kind") & FLUID) != 0
+        inside = max(int((simulation.fetch("free_surface")[fluid] == 0).sum()), 1)
+        if clipped > self.bar * inside:
+            self.warned = True
+            log.warning(
+                "step %d: the pressure of %d of %d particles inside the fluid (%.1f %%) was negative and set to zero, "
+                "which is a force that the flow does not have: set step.negative_pressure = true with a gradient "
+                "that bears tension (%s), or expect noise; log.csv counts them (said once)",
+                simulation.step_index, clipped, inside, 100.0 * clipped / inside, ", ".join(tension_bearing()),
+            )  # fmt: skip
 
 
 class Progress:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from arrangements import block, inside, offsets, table, weights
+from arrangements import cloud, offsets, weights
 from spume import named
 from spume.particles import FLUID, WALL
 from spume.pressure.matrix import ABSENT, FLUX, KNOWN, SYSTEM_FIELDS, UNKNOWN, LinearSystem
@@ -23,11 +23,7 @@ dimensions = pytest.mark.parametrize("d", [2, 3])
 
 
 def arrangement(d, disturbance, **rows):
-    cells = 10 if d == 2 else 7
-    lattice, particles, pairs = table(block(d, cells, disturbance=disturbance), fields=FIELDS, **rows)
-    core = inside(particles.numpy("position"), cells, disturbance=disturbance)
-    assert core.any()
-    return lattice, particles, pairs, core
+    return cloud(d, disturbance, FIELDS, **rows)
 
 
 def polynomials(x):

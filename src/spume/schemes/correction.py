@@ -35,16 +35,21 @@ def smallest_eigenvalue(m):  # type: ignore[no-untyped-def]
     return result
 
 
-def _inverse_or_identity(a, moment, scale, largest_condition):  # type: ignore[no-untyped-def]
-    scaled = moment * scale
-    result = identity_like(scaled)
-    determinant = scaled.determinant()
+@kernels.func
+def inverse_or_identity(matrix, largest_condition):  # type: ignore[no-untyped-def]
+    """Return the inverse of a symmetric matrix, or I where its condition number (Frobenius) is larger."""
+    result = identity_like(matrix)
+    determinant = matrix.determinant()
     # The smallest eigenvalue of a moment matrix is at least det/norm^(d-1), so tiny ones are caught here.
     if abs(determinant) > 1e-12:
-        inverse = scaled.inverse()
-        if scaled.norm_sqr() * inverse.norm_sqr() < largest_condition * largest_condition:
+        inverse = matrix.inverse()
+        if matrix.norm_sqr() * inverse.norm_sqr() < largest_condition * largest_condition:
             result = inverse
     return result
+
+
+def _inverse_or_identity(a, moment, scale, largest_condition):  # type: ignore[no-untyped-def]
+    return inverse_or_identity(moment * scale, largest_condition)
 
 
 def _bounded_inverse(a, moment, scale, floor):  # type: ignore[no-untyped-def]

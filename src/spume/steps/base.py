@@ -91,6 +91,17 @@ def surface_weight(a, scale):  # type: ignore[no-untyped-def]
     return scale / a.density * a.surface_share / (1.02 - a.surface_share)
 
 
+@row_term(reads=("surface_diagonal",))
+def stiffened(a, stiffness):  # type: ignore[no-untyped-def]
+    return a.surface_diagonal + stiffness
+
+
+@row_term(reads=("surface_diagonal", "surface_value", "pressure"))
+def drawn_between(a, stiffness, kept):  # type: ignore[no-untyped-def]
+    total = a.surface_diagonal * a.surface_value + stiffness * kept * a.pressure
+    return total / (a.surface_diagonal + stiffness)
+
+
 @row_term(reads=("pressure",))
 def not_negative(a):  # type: ignore[no-untyped-def]
     return max(a.pressure, 0.0)
@@ -99,6 +110,9 @@ def not_negative(a):  # type: ignore[no-untyped-def]
 @row_term(reads=("pressure",))
 def is_negative(a):  # type: ignore[no-untyped-def]
     return kernels.qd.cast(a.pressure < 0.0, kernels.i32)
+
+
+CLIPPED = Field("clipped", (), "1", "1 where a negative pressure was set to zero", int)
 
 
 class Step(Scheme, family="step"):
@@ -138,7 +152,7 @@ class Step(Scheme, family="step"):
     """Part of the limit courant sqrt(l0/|a|) of the time step up to which a fluid at rest stays at rest."""
     instants: ClassVar[tuple[str, ...]] = ("k", "*")
     """Instants at which the step can evaluate a source."""
-    fields: ClassVar[tuple[Field, ...]] = (*SYSTEM_FIELDS, COMPONENT)
+    fields: ClassVar[tuple[Field, ...]] = (*SYSTEM_FIELDS, COMPONENT, CLIPPED)
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -214,7 +228,7 @@ def surface_pressure(step: Step, domain: Domain, t: float) -> float:
     return 0.5 * domain.density * g * domain.lattice.spacing
 
 
-def solve_pressure(step: Step, domain: Domain, surface_pressure: float) -> dict[str, float]:
+def solve_pressure(step: Step, domain: Domain, surface_pressure: float, dt: float) -> dict[str, float]:
     """Assemble and solve the pressure Poisson equation; return iterations and residual.
 
     Raises:
@@ -232,6 +246,8 @@ def solve_pressure(step: Step, domain: Domain, surface_pressure: float) -> dict[
             surface_weight, particles, out="surface_diagonal", rows=FLUID | WALL,
             arguments=(2.0 * domain.lattice.dimension / step.laplacian.lambda_(domain.lattice),),
         )  # fmt: skip
+        if step.source.compressibility > 0.0:
+            _compress(step.source, particles, dt)
         system.assemble(step.laplacian, domain.lattice, particles, domain.pairs)
         floating = domain.components.project(system, particles)
     with stage("solve"):
@@ -248,8 +264,14 @@ def solve_pressure(step: Step, domain: Domain, surface_pressure: float) -> dict[
     return figures
 
 
+def _compress(source: Source, particles: Particles, dt: float) -> None:
+    """Draw every row to its pressure before, or to zero, with the weight alpha_c/dt^2: see ``compressibility``."""
+    stiffness, kept = source.compressibility / dt**2, 0.0 if source.of_volume else 1.0
+    row_map(drawn_between, particles, out="surface_value", rows=FLUID | WALL, arguments=(stiffness, kept))
+    row_map(stiffened, particles, out="surface_diagonal", rows=FLUID | WALL, arguments=(stiffness,))
+
+
 def _clip(particles: Particles) -> float:
-    row_map(is_negative, particles, out="component", rows=FLUID)
-    clipped = particles.total("component", FLUID)
+    row_map(is_negative, particles, out="clipped", rows=FLUID)
     row_map(not_negative, particles, out="pressure", rows=ANY)
-    return clipped
+    return particles.total("clipped", FLUID)

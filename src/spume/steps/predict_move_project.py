@@ -65,6 +65,8 @@ class PredictMoveProject(Step, name="predict-move-project"):
 
         with stage("search"):
             removed = pairs.update(particles)
+        with stage("source"):
+            self.source.remember(lattice, particles, pairs, self.number_density, self.wall_model.mirror)
         with stage("forces"):
             accelerate(domain, t)
             self.wall_model.show_slip(lattice, particles, pairs)
@@ -84,10 +86,11 @@ class PredictMoveProject(Step, name="predict-move-project"):
             self.free_surface(lattice, particles, pairs, self.number_density)
             self.wall_model.neumann(particles, dt)
             self.source(lattice, particles, pairs, dt, self.divergence, self.number_density, self.wall_model.mirror)
-        figures = solve_pressure(self, domain, outside)
+        figures = solve_pressure(self, domain, outside, dt)
         with stage("correction"):
             self.wall_model.extrapolate(lattice, particles, pairs)
-            self.gradient(lattice, particles, pairs, over=self.wall_model.carriers, view=self.wall_model.view(dt))
+            view = self.wall_model.view(dt)
+            self.gradient(lattice, particles, pairs, over=self.wall_model.carriers, view=view, dt=dt)
             row_map(copied_velocity, particles, out="velocity_before", rows=FLUID)
             row_map(corrected, particles, out="velocity", rows=FLUID, arguments=(dt,))
             self.wall_model.rest(particles)

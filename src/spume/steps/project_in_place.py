@@ -66,6 +66,7 @@ class ProjectInPlace(Step, name="project-in-place"):
             self.number_density(lattice, particles, pairs)
             self.wall_model.count_fluid(lattice, particles, pairs)
             self.free_surface(lattice, particles, pairs, self.number_density)
+            self.source.remember(lattice, particles, pairs, self.number_density, self.wall_model.mirror)
             accelerate(domain, t)
             self.wall_model.show_slip(lattice, particles, pairs)
             self.viscosity(lattice, particles, pairs, dt)
@@ -77,10 +78,11 @@ class ProjectInPlace(Step, name="project-in-place"):
         with stage("source"):
             self.wall_model.neumann(particles, dt)
             self.source(lattice, particles, pairs, dt, self.divergence, self.number_density, self.wall_model.mirror)
-        figures = solve_pressure(self, domain, outside)
+        figures = solve_pressure(self, domain, outside, dt)
         with stage("correction"):
             self.wall_model.extrapolate(lattice, particles, pairs)
-            self.gradient(lattice, particles, pairs, over=self.wall_model.carriers, view=self.wall_model.view(dt))
+            view = self.wall_model.view(dt)
+            self.gradient(lattice, particles, pairs, over=self.wall_model.carriers, view=view, dt=dt, moved=False)
             row_map(corrected, particles, out="velocity", rows=FLUID, arguments=(dt,))
             self.wall_model.rest(particles)
             row_map(moved, particles, out="position", rows=FLUID, arguments=(dt,))

@@ -1,5 +1,8 @@
 """The family of gradient models."""
 
+from typing import ClassVar
+
+from spume import named
 from spume.lattice import Lattice
 from spume.pairs import Pairs, PairView
 from spume.particles import ANY, Particles
@@ -9,9 +12,13 @@ from spume.schemes.operator import Operator
 class Gradient(Operator, family="gradient"):
     """A model of the gradient of a scalar field at fluid rows."""
 
+    repels: ClassVar[bool] = False
+    """Whether every pair is made to repel, so that a fluid under tension (negative pressure) makes no sense."""
+
     def __call__(
         self, lattice: Lattice, particles: Particles, pairs: Pairs,
         phi: str = "pressure", out: str = "pressure_gradient", over: int = ANY, view: PairView | None = None,
+        dt: float = 0.0, moved: bool = True,
     ) -> None:  # fmt: skip
         """Write the gradient of ``phi`` at fluid rows into ``out``.
 
@@ -20,5 +27,12 @@ class Gradient(Operator, family="gradient"):
             out: name of the vector field to write.
             over: kinds of neighbours that carry ``phi``.
             view: how a row sees the ``value`` of a neighbour, if not as the field says (walls).
+            dt: time step [s], for models that also keep rows apart; 0: they do not.
+            moved: whether ``velocity`` has moved the rows already (r*), or is yet to move them (r^k).
         """
         raise NotImplementedError
+
+
+def tension_bearing() -> list[str]:
+    """Return the names of the gradient models that negative pressures may go with."""
+    return [scheme.key for scheme in named.schemes("gradient") if not getattr(scheme, "repels", False)]

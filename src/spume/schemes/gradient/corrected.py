@@ -37,6 +37,7 @@ class Corrected(Gradient, name="corrected"):
     def __call__(
         self, lattice: Lattice, particles: Particles, pairs: Pairs,
         phi: str = "pressure", out: str = "pressure_gradient", over: int = ANY, view: PairView | None = None,
+        dt: float = 0.0, moved: bool = True,
     ) -> None:  # fmt: skip
         """Write the gradient of ``phi`` at fluid rows into ``out``."""
         correction_matrix(self, lattice, particles, pairs, over, self.largest_condition)

@@ -1,24 +1,16 @@
 """The gradient model with the smallest neighbouring value, which only repels."""
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from spume.lattice import Lattice
-from spume.pairs import Pairs, PairView, pair_min, pair_sum, pair_term
-from spume.particles import ANY, FLUID, WALL, Field, Particles
+from spume.pairs import Pairs, PairView, pair_sum, pair_term
+from spume.particles import ANY, Particles
 from spume.schemes.gradient.base import Gradient
-
-
-def _or_own(a, smallest):  # type: ignore[no-untyped-def]
-    return min(a.value, smallest)
+from spume.schemes.gradient.smallest import SMALLEST_VALUE, find_smallest
 
 
 def _scaled(a, total, scale):  # type: ignore[no-untyped-def]
     return total * scale
-
-
-@pair_term(reads=("value",), finish=_or_own)
-def neighbour_value(a, b, r, w):  # type: ignore[no-untyped-def]
-    return b.value
 
 
 @pair_term(reads=("value", "smallest_value"), shape=("d",), finish=_scaled)
@@ -38,17 +30,17 @@ class Minimum(Gradient, name="minimum"):
     ids: ClassVar = ("B2",)
     reference: ClassVar = "koshizuka1998"
     order: ClassVar = 0
-    needs: ClassVar = (Field("smallest_value", (), "Pa", "smallest pressure of a row and its neighbours"),)
+    repels: ClassVar = True
+    needs: ClassVar = (SMALLEST_VALUE,)
 
     def __call__(
         self, lattice: Lattice, particles: Particles, pairs: Pairs,
         phi: str = "pressure", out: str = "pressure_gradient", over: int = ANY, view: PairView | None = None,
+        dt: float = 0.0, moved: bool = True,
     ) -> None:  # fmt: skip
         """Write the gradient of ``phi`` at fluid rows into ``out``; dummies are no candidates for the minimum."""
-        seen = {"fields": {"value": phi}, "view": view}
-        reach: dict[str, Any] = {"weight": self.weight, "re": self.radius(lattice), **seen}
-        pair_min(neighbour_value, particles, pairs, out="smallest_value", over=over & (FLUID | WALL), **reach)
+        find_smallest(self, lattice, particles, pairs, phi, over, view)
         pair_sum(
-            above_smallest, particles, pairs, out=out, over=over,
-            arguments=(lattice.dimension / self.n0(lattice),), **reach,
+            above_smallest, particles, pairs, out=out, weight=self.weight, re=self.radius(lattice), over=over,
+            arguments=(lattice.dimension / self.n0(lattice),), fields={"value": phi}, view=view,
         )  # fmt: skip

@@ -23,6 +23,7 @@ class Density(Source, name="density"):
     reference: ClassVar = "koshizuka1996"
     instant: ClassVar = "*"
     from_velocity: ClassVar = False
+    of_volume: ClassVar = True
 
     def __call__(
         self, lattice: Lattice, particles: Particles, pairs: Pairs, dt: float,

@@ -7,16 +7,13 @@ from pydantic import Field as Parameter
 from spume.lattice import Lattice
 from spume.pairs import Pairs, row_map, row_term
 from spume.particles import FLUID, WALL, Particles
-from spume.schemes.source.base import Source
+from spume.schemes.source.base import Source, volume_error
 
 
 @row_term(reads=("divergence", "number_density", "surface_share"))
 def relaxed(a, n0, dt, gamma):  # type: ignore[no-untyped-def]
-    error = (n0 - a.number_density) / n0
-    # Near the free surface n < n0 says that neighbours are missing, not that the fluid is stretched.
-    if error > 0.0:
-        error *= 1.0 - a.surface_share
-    return a.divergence / dt + gamma * error / (dt * dt)
+    error = volume_error(a.number_density, n0, a.surface_share)
+    return a.divergence / dt - gamma * error / (dt * dt)
 
 
 class DivergenceDensity(Source, name="divergence-density"):

@@ -10,6 +10,11 @@ def inverse(r, re):  # type: ignore[no-untyped-def]
     return re / r - 1.0
 
 
+def inverse_slope(r, re):  # type: ignore[no-untyped-def]
+    """dW/dr = -re/r^2."""
+    return -re / (r * r)
+
+
 class Inverse(Weight, name="inverse"):
     """W = re/r - 1 (Koshizuka & Oka 1996).
 
@@ -19,3 +24,4 @@ class Inverse(Weight, name="inverse"):
     ids: ClassVar = ("A2",)
     reference: ClassVar = "koshizuka1996"
     formula: ClassVar = staticmethod(inverse)
+    slope: ClassVar = staticmethod(inverse_slope)
