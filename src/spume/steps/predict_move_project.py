@@ -97,8 +97,7 @@ class PredictMoveProject(Step, name="predict-move-project"):
             row_map(moved_by_change, particles, out="position", rows=FLUID, arguments=(dt,))
 
         with stage("tidying"):
-            speed = particles.largest_norm("velocity", FLUID)
-            self.shifting(lattice, particles, pairs, self.number_density, speed, dt)
+            self.shifting(lattice, particles, pairs, self.number_density, dt)
         for body in bodies:
             body.respond(particles, t, dt)
         return {**figures, "removed": removed}

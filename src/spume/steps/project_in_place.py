@@ -89,8 +89,7 @@ class ProjectInPlace(Step, name="project-in-place"):
 
         with stage("tidying"):
             self.collision(lattice, particles, pairs, dt)
-            speed = particles.largest_norm("velocity", FLUID)
-            self.shifting(lattice, particles, pairs, self.number_density, speed, dt)
+            self.shifting(lattice, particles, pairs, self.number_density, dt)
         for body in bodies:
             body.respond(particles, t, dt)
         return {**figures, "removed": removed}

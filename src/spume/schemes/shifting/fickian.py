@@ -5,17 +5,15 @@ from typing import Any, ClassVar
 from pydantic import Field as Parameter
 
 from spume.lattice import Lattice
-from spume.pairs import Pairs, pair_sum, pair_term, row_map, row_term
-from spume.particles import ANY, FLUID, Field, Particles
-from spume.schemes.shifting.base import Shifting
+from spume.pairs import Pairs, pair_sum, pair_term
+from spume.particles import ANY, Particles
+from spume.schemes.free_surface.base import SURFACE_SHARE
+from spume.schemes.shifting.base import Diffusive, advective_diffusivity
 
 
 def _shift(a, crowding, scale, largest):  # type: ignore[no-untyped-def]
-    shift = -scale * crowding
-    # On the surface only along it: across it the crowding is one-sided and would push rows out.
-    if a.surface_share > 0.0:
-        outward = crowding.normalized(1e-12)
-        shift -= a.surface_share * shift.dot(outward) * outward
+    # On the surface the crowding is one-sided and would push rows out.
+    shift = (a.surface_share - 1.0) * scale * crowding
     length = shift.norm()
     if length > largest:
         shift *= largest / length
@@ -27,39 +25,32 @@ def crowding(a, b, r, w, scale, largest):  # type: ignore[no-untyped-def]
     return w / r.dot(r) * r
 
 
-@row_term(reads=("position", "shift"))
-def shifted(a):  # type: ignore[no-untyped-def]
-    return a.position + a.shift
+class Fickian(Diffusive, name="fickian"):
+    """delta r_i = -D (1 - theta_i) d/n0 sum_j W r_ij/r^2: from crowded to empty places (Xu 2009).
 
-
-class Fickian(Shifting, name="fickian"):
-    """delta r_i = -A l0^2 d/n0 sum_j W r_ij/r^2: from crowded to empty places (after Xu 2009).
-
-    The sum is the gradient of the concentration in MPS form. On the free surface the normal part is left out.
+    Xu shifts by C |u|max dt sum_j (mean r/r)^2 n_ij; here the MPS weight takes the place of the inverse square and
+    the sum is the gradient of the concentration, grad C. Kernel: ``weight``; volume: V_j grad W = d/n0 W r_ij/r^2;
+    h = re/3. D = A l0^2, or with ``advective`` D = A h |u|max dt. Xu's flows have no free surface: towards one the
+    shift fades out with the row's share theta, so the outermost rows keep their places; ``fickian-surface``
+    and ``optimised`` move them along the surface. Conserves nothing, as it moves rows without their reaction.
+    The default: small, smooth, one pass over the list.
     """
 
     ids: ClassVar = ("D1",)
     reference: ClassVar = "xu2009"
-    needs: ClassVar = (Field("shift", ("d",), "m", "displacement by particle shifting"),)
+    needs: ClassVar = (*Diffusive.needs, SURFACE_SHARE)
 
     strength: float = Parameter(default=0.1, ge=0.0, le=1.0)
-    """Coefficient A [1]."""
-    largest: float = Parameter(default=0.1, gt=0.0, le=0.5)
-    """Largest displacement in one step, as a multiple of l0 [1]."""
+    """Coefficient A of the constant D = A l0^2 [1]."""
+    advective: float | None = Parameter(default=None, ge=0.0)
+    """Coefficient of D = A h |u|max dt, in place of the constant D [1]."""
 
-    def __call__(
-        self,
-        lattice: Lattice,
-        particles: Particles,
-        pairs: Pairs,
-        number_density: Any,
-        largest_speed: float,
-        dt: float,
-    ) -> None:
+    def __call__(self, lattice: Lattice, particles: Particles, pairs: Pairs, number_density: Any, dt: float) -> None:
         """Shift ``position`` of fluid rows; ``shift`` keeps the displacement."""
-        scale = self.strength * lattice.spacing**2 * lattice.dimension / self.n0(lattice)
+        constant = self.strength * lattice.spacing**2
+        coefficient = advective_diffusivity(self, self.advective, constant, lattice, particles, dt)
         pair_sum(
             crowding, particles, pairs, out="shift", weight=self.weight, re=self.radius(lattice), over=ANY,
-            arguments=(scale, self.largest * lattice.spacing),
+            arguments=(coefficient * lattice.dimension / self.n0(lattice), self.largest * lattice.spacing),
         )  # fmt: skip
-        row_map(shifted, particles, out="position", rows=FLUID)
+        self.shift(lattice, particles, pairs)

@@ -13,13 +13,5 @@ class Unshifted(Shifting, name="none"):
 
     conserves: ClassVar = frozenset({"momentum", "angular momentum"})
 
-    def __call__(
-        self,
-        lattice: Lattice,
-        particles: Particles,
-        pairs: Pairs,
-        number_density: Any,
-        largest_speed: float,
-        dt: float,
-    ) -> None:
+    def __call__(self, lattice: Lattice, particles: Particles, pairs: Pairs, number_density: Any, dt: float) -> None:
         """Leave ``position`` as it is."""
