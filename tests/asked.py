@@ -3,7 +3,7 @@
 import numpy as np
 
 from arrangements import table
-from reference.source import DT
+from reference.cloud import DT, DT_BEFORE
 from spume.particles import FLUID
 from spume.pressure.matrix import SYSTEM_FIELDS, UNKNOWN, LinearSystem
 from spume.schemes.divergence.original import Original as OriginalDivergence
@@ -53,6 +53,10 @@ class Rows:
     def handles(self):
         return self.lattice, self.particles, self.pairs
 
+    def put(self, **fields):
+        for name, values in fields.items():
+            self.particles.set(name, np.asarray(values)[self.order])
+
     def get(self, name):
         values = self.particles.numpy(name)
         found = np.empty_like(values)
@@ -66,9 +70,9 @@ def number_density(scheme, cloud, share=None):
     return rows.get("number_density")
 
 
-def gradient(scheme, cloud, phi=None, share=None):
+def gradient(scheme, cloud, phi=None, share=None, dt=0.0):
     rows = Rows(scheme, cloud, share, scalar=cloud.phi if phi is None else phi)
-    scheme(*rows.handles, phi="scalar", out="vector")
+    scheme(*rows.handles, phi="scalar", out="vector", dt=dt)
     return rows.get("vector")
 
 
@@ -78,11 +82,10 @@ def divergence(scheme, cloud, u=None, share=None):
     return rows.get("answer")
 
 
-def system(scheme, cloud, gradient_before=None, share=None):
+def system(scheme, cloud, slope=None, share=None):
     """Return the matrix M and the right side b, of the laplacian s = b - M phi."""
     n = len(cloud)
-    zeros = np.zeros((n, cloud.d))
-    before = zeros if gradient_before is None else gradient_before
+    before = np.zeros((n, cloud.d)) if slope is None else slope
     rows = Rows(scheme, cloud, share, row_state=np.full(n, UNKNOWN), pressure_gradient=before, density=np.ones(n))
     linear = LinearSystem()
     linear.assemble(scheme, *rows.handles)
@@ -96,17 +99,23 @@ def system(scheme, cloud, gradient_before=None, share=None):
     return matrix[np.ix_(back, back)], rows.get("rhs")
 
 
-def laplacian(scheme, cloud, phi=None, gradient_before=None, share=None):
-    matrix, right = system(scheme, cloud, gradient_before, share)
+def laplacian(scheme, cloud, phi=None, slope=None, share=None):
+    matrix, right = system(scheme, cloud, cloud.slope if slope is None else slope, share)
     return right - matrix @ (cloud.phi if phi is None else phi)
 
 
 def source(scheme, cloud, u=None, share=None):
-    """Number density and divergence are the original ones with the cloud's radius and weight."""
-    rows = Rows(scheme, cloud, share, velocity=cloud.u if u is None else u)
-    model = NumberDensity(re=cloud.re / cloud.l0)
+    """Two steps, for sources that remember; number density and divergence are the original ones."""
+    rows = Rows(scheme, cloud, share)
+    model, divergence = NumberDensity(re=cloud.re / cloud.l0), OriginalDivergence(re=cloud.re / cloud.l0)
+    rows.put(position=cloud.before[0], velocity=cloud.u_before)
+    scheme.remember(*rows.handles, model, False)
+    scheme(*rows.handles, DT_BEFORE, divergence, model, False)
+    rows.put(position=cloud.before[1])
+    scheme.remember(*rows.handles, model, False)
+    rows.put(position=cloud.x, velocity=cloud.u if u is None else u)
     model(*rows.handles)
-    scheme(*rows.handles, DT, OriginalDivergence(re=cloud.re / cloud.l0), model, False)
+    scheme(*rows.handles, DT, divergence, model, False)
     return rows.get("source")
 
 
@@ -117,10 +126,10 @@ def viscosity(scheme, cloud, u=None, dt=DT, share=None):
 
 
 def shifting(scheme, cloud, share=None):
-    rows = Rows(scheme, cloud, share)
-    model = NumberDensity()
+    rows = Rows(scheme, cloud, share, pressure=cloud.phi, pressure_gradient=cloud.slope)
+    model = NumberDensity(re=cloud.re / cloud.l0)
     model(*rows.handles)
-    scheme(*rows.handles, model, 1.0, DT)
+    scheme(*rows.handles, model, DT)
     return rows.get("position") - cloud.x
 
 

@@ -1,13 +1,12 @@
 """What tests and documentation measure of a scheme: the polynomials that are exact, the error of a wave."""
 
 import tomllib
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 
 import asked
-from reference.cloud import Cloud
+from reference.cloud import cloud_for
 from spume import named
 
 CLAIMS = tomllib.loads((Path(__file__).parent / "claims.toml").read_text(encoding="utf-8"))
@@ -38,15 +37,10 @@ def made(name, entry=None):
     return SCHEMES[name].model_validate(entry.get("parameters", {}))
 
 
-@cache
-def cloud_for(d, re=2.1, weight="inverse", disturbance=0.2, cells=None, l0=0.1):
-    return Cloud(d, re=re, weight=weight, disturbance=disturbance, cells=cells, l0=l0)
-
-
 def cloud_of(name, d, **changes):
     """Return the cloud that a claim is about; its radius is the scheme's."""
     own = {key: claim(name)[key] for key in ("re", "disturbance") if key in claim(name)}
-    return cloud_for(d, **(own | changes))
+    return cloud_for(d, **(own | {"shore": name.startswith("shifting")} | changes))
 
 
 def cells_of(name, d):
@@ -92,7 +86,7 @@ def error(name, cloud, field, rows):
         exact = slope @ np.array([1.0, -0.4, 0.7][: cloud.d])
         found = asked.divergence(scheme, cloud, u)
     else:
-        found, exact = asked.laplacian(scheme, cloud, phi, gradient_before=slope), curve
+        found, exact = asked.laplacian(scheme, cloud, phi, slope=slope), curve
     return np.abs(found - exact)[rows].max(), np.abs(exact).max()
 
 

@@ -2,12 +2,12 @@
 
 import sys
 
-from reference.cloud import Cloud, reference_value
+from reference.cloud import cloud_for, reference_value
 
 
 def main(family, key, re="2.1", disturbance="0.2"):
     for d in (2, 3):
-        cloud = Cloud(d, re=float(re), disturbance=float(disturbance))
+        cloud = cloud_for(d, re=float(re), disturbance=float(disturbance), shore=family == "shifting")
         print(f'"{d}D" = {reference_value(family, key, cloud):.12g}')  # noqa: T201
 
 

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from reference.cloud import DT
+
 
 def least(cloud, i):
     """Smallest phi of a row and its neighbours."""
@@ -117,3 +119,59 @@ def bounded(moment, share):
     """M + theta (I - M), with the smallest eigenvalue raised to 0.3 if it is less."""
     moment = moment + share * (np.eye(len(moment)) - moment)
     return moment + max(0.3 - np.linalg.eigvalsh(moment)[0], 0.0) * np.eye(len(moment))
+
+
+def cmps_consistent(cloud):
+    """d/n0 sum_j [(phi_i + phi_j) - 2 min phi]/r^2 r_ij W with the smallest phi of all rows."""
+    g, lowest = cloud.vectors(), cloud.phi.min()
+    for i in range(len(cloud)):
+        for j, r, s, w in cloud.neighbours(i):
+            g[i] += cloud.d / cloud.n0 * (cloud.phi[i] + cloud.phi[j] - 2 * lowest) / s**2 * r * w
+    return g
+
+
+def stabilised(cloud, weighted=True, alpha=0.9):
+    """Original gradient + 1/n0 sum_j F_ij W (``weighted``), or + sum_j F_ij, towards a neighbour that comes too near.
+
+    F_ij = rho_i rho_j/(rho_i + rho_j) [sqrt(d^2 - |r_perp|^2) - r_par]/dt^2 e_ij if |r*_ij| < d = alpha l0, with e_ij
+    the direction of the pair before the step, r_ij = r*_ij - dt u_ij; r_par and r_perp along and across it.
+    """
+    g, keep = original(cloud), alpha * cloud.l0
+    for i in range(len(cloud)):
+        for j, r, s, w in cloud.neighbours(i):
+            if s >= keep:
+                continue
+            start = r - DT * (cloud.u[j] - cloud.u[i])
+            e = start / np.linalg.norm(start)
+            across = np.linalg.norm(r - (r @ e) * e)
+            way = (keep**2 - across**2) ** 0.5 - r @ e
+            mass = cloud.rho[i] * cloud.rho[j] / (cloud.rho[i] + cloud.rho[j])
+            g[i] += mass * way / DT**2 * e * (w / cloud.n0 if weighted else 1.0)
+    return g
+
+
+def dummy_distance(cloud, size):
+    """Distance at which W/r = size, for W = re/r - 1: size r^2 + r - re = 0."""
+    return (-1 + (1 + 4 * size * cloud.re) ** 0.5) / (2 * size)
+
+
+def dummy_neighbour(cloud):
+    """d/n0 C~_i [sum_j (P_j - P_i)/r^2 r_ij W + (P_d - P_i)/r_d^2 r_d W_d], C~_i with the dummy's part.
+
+    The dummy balances the surroundings, sum_j W r_ij/r^2 + W_d r_d/r_d^2 = 0. P_d = P_i + r_d . (original gradient)
+    inside the fluid and 0 in the open, by the row's share theta.
+    """
+    g, slope = cloud.vectors(), original(cloud)
+    for i in range(len(cloud)):
+        lack, moment, total = np.zeros(cloud.d), np.zeros((cloud.d, cloud.d)), np.zeros(cloud.d)
+        for j, r, s, w in cloud.neighbours(i):
+            lack += w * r / s**2
+            moment += w * np.outer(r, r) / s**2
+            total += w * (cloud.phi[j] - cloud.phi[i]) * r / s**2
+        s = dummy_distance(cloud, np.linalg.norm(lack))
+        r, w = -s * lack / np.linalg.norm(lack), cloud.W(s, cloud.re)
+        moment += w * np.outer(r, r) / s**2
+        share = cloud.share[i]
+        total += w * ((1 - share) * r @ slope[i] - share * cloud.phi[i]) * r / s**2
+        g[i] = np.linalg.solve(moment, total)  # d/n0 cancels
+    return g

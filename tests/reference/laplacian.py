@@ -24,8 +24,8 @@ def distance(cloud):
 
 
 def compensated(cloud):
-    """2 d/(lambda n0) sum_j [phi_j - phi_i - (1 - theta_i) r_ij . grad phi] W with grad phi of ``gradient_before``."""
-    lap, g = cloud.scalars(), (1 - cloud.share)[:, None] * gradient_before(cloud)
+    """2 d/(lambda n0) sum_j [phi_j - phi_i - (1 - theta_i) r_ij . grad phi] W with the gradient of the step before."""
+    lap, g = cloud.scalars(), (1 - cloud.share)[:, None] * cloud.slope
     for i in range(len(cloud)):
         for j, r, _, w in cloud.neighbours(i):
             lap[i] += 2 * cloud.d / (cloud.lambda_ * cloud.n0) * (cloud.phi[j] - cloud.phi[i] - r @ g[i]) * w
@@ -33,17 +33,12 @@ def compensated(cloud):
 
 
 def distance_compensated(cloud):
-    """2 d/n0 sum_j [phi_j - phi_i - (1 - theta_i) r_ij . grad phi]/r^2 W with grad phi of ``gradient_before``."""
-    lap, g = cloud.scalars(), (1 - cloud.share)[:, None] * gradient_before(cloud)
+    """2 d/n0 sum_j [phi_j - phi_i - (1 - theta_i) r_ij . grad phi]/r^2 W with the gradient of the step before."""
+    lap, g = cloud.scalars(), (1 - cloud.share)[:, None] * cloud.slope
     for i in range(len(cloud)):
         for j, r, s, w in cloud.neighbours(i):
             lap[i] += 2 * cloud.d / cloud.n0 * (cloud.phi[j] - cloud.phi[i] - r @ g[i]) / s**2 * w
     return lap
-
-
-def gradient_before(cloud):
-    """Some gradient of the step before: the velocities times 1000."""
-    return 1000.0 * cloud.u
 
 
 def higher_order(cloud, factor):
