@@ -37,6 +37,14 @@ def test_values_of_the_weights(weight):
     assert weight.values(re * (1 - 1e-9), re) == pytest.approx(0.0, abs=1e-8)
     r = np.linspace(0.05, 0.999, 50) * re
     assert np.all(np.diff(weight.values(r, re)) < 0), "a weight falls with the distance"
+
+
+@pytest.mark.parametrize("weight", WEIGHTS, ids=lambda w: w.key)
+def test_slopes_of_the_weights(weight):
+    re, h = 0.7, 1e-6
+    r = re * np.array([0.2, 0.45, 0.55, 0.8, 0.95])
+    by_difference = (weight.values(r + h, re) - weight.values(r - h, re)) / (2 * h)
+    assert type(weight).slope(r, re) == pytest.approx(by_difference, rel=1e-7)
     assert weight.values(7 * r, 7 * re) == pytest.approx(weight.values(r, re), rel=1e-9), "scale-free"
 
 

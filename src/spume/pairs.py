@@ -117,6 +117,7 @@ class Pairs:
 
     def update(self, particles: Particles) -> int:
         """Make the list valid for the present positions; return how many rows left the region."""
+        particles.written("position")  # whoever moved rows, in whatever way, asks for an update
         return self.list.update(particles)
 
 
@@ -200,6 +201,7 @@ def row_map(
     kernel = _row_kernel(term, out, rows, _signature(particles, (*term.reads, out), behind), len(arguments))
     inputs = [particles[behind.get(n, n)] for n in term.reads]
     kernel(particles["kind"], *inputs, particles[out], particles.count, *arguments)
+    particles.written(out)
 
 
 Signature = tuple[tuple[str, tuple[int, ...], bool], ...]
@@ -243,6 +245,7 @@ def _reduce(
         *[particles[behind.get(n, n)] for n in reads], *[particles[n] for n in outs],
         particles.count, re, *list_.period, *arguments, *(view.arguments if view else ()),
     )  # fmt: skip
+    particles.written(*outs)
 
 
 def load(signature: Signature, reads: Sequence[str]) -> tuple[Any, str]:

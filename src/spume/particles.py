@@ -95,6 +95,8 @@ class Particles:
         self._next_id = 0
         self._row_of_id: Any = None
         self._partial: Any = None
+        self._writes: dict[str, int] = {}
+        self._origin: dict[str, tuple[Any, ...]] = {}
         self.declare(BASE_FIELDS)
         self.declare(fields)
 
@@ -117,6 +119,20 @@ class Particles:
     def __getitem__(self, name: str) -> Any:
         return self._arrays[name]
 
+    def written(self, *names: str) -> None:
+        """Note that fields were written, as pair sums, row maps and the search do; without names all fields."""
+        for name in names or self.fields:
+            self._writes[name] = self._writes.get(name, 0) + 1
+            self._origin.pop(name, None)
+
+    def keep(self, name: str, recipe: tuple[Any, ...], made_of: tuple[str, ...]) -> None:
+        """Note how a field was just made, so that ``keeps`` can say whether making it again would change it."""
+        self._origin[name] = (recipe, *(self._writes.get(n, 0) for n in made_of))
+
+    def keeps(self, name: str, recipe: tuple[Any, ...], made_of: tuple[str, ...]) -> bool:
+        """Return whether a field still holds what ``recipe`` made of fields that nobody has written since."""
+        return self._origin.get(name) == (recipe, *(self._writes.get(n, 0) for n in made_of))
+
     def value_type(self, name: str) -> Any:
         """Return the kernel language's type of one value of a field."""
         return self._type(self.fields[name])
@@ -134,6 +150,7 @@ class Particles:
         full = kernels.host(array)
         full[: self.count] = values
         kernels.publish(array, full)
+        self.written(name)
 
     def insert(self, rows: Mapping[str, ArrayLike]) -> None:
         """Append rows; fields that are not given take their ``initial`` value, ids are numbered on.
@@ -168,6 +185,7 @@ class Particles:
         self.count += new
         self._next_id = max(self._next_id + new, int(self.numpy("id").max()) + 1)
         self.changed = True
+        self.written()
 
     def remove(self, rows: NDArray[np.bool_]) -> int:
         """Remove the rows where the mask of shape (count,) is true; return how many went."""
@@ -180,6 +198,7 @@ class Particles:
             kernels.publish(self._arrays[name], full)
         self.count -= gone
         self.changed = True
+        self.written()
         return gone
 
     def reorder(self, order: Any) -> None:
@@ -194,6 +213,7 @@ class Particles:
                 _gather_kernel(*kind)(source, order, spare, self.count)
                 self._arrays[name] = spare
                 self._spares[kind] = source
+        self.written()
 
     def rows_by_id(self) -> Any:
         """Return a device array that holds the present row number of each id."""

@@ -2,7 +2,7 @@
 
 from spume import kernels
 from spume.lattice import Lattice
-from spume.pairs import Pairs, pair_sum, pair_term
+from spume.pairs import Pairs, PairTerm, pair_sum, pair_term
 from spume.particles import ANY, FLUID, WALL, Field, Particles
 from spume.schemes.operator import Operator
 
@@ -84,10 +84,7 @@ def correction_matrix(
     Khayyer & Gotoh 2011, normalised by d/n0. Where M is singular or its condition number (Frobenius)
     exceeds ``largest_condition``, C = I.
     """
-    pair_sum(
-        moment, particles, pairs, out="correction", weight=operator.weight, re=operator.radius(lattice),
-        over=over, rows=rows, arguments=(lattice.dimension / operator.n0(lattice), largest_condition),
-    )  # fmt: skip
+    _make(operator, lattice, particles, pairs, moment, over, rows, largest_condition, ("position",))
 
 
 def bounded_correction_matrix(
@@ -104,7 +101,19 @@ def bounded_correction_matrix(
     The eigenvalues of the bracket are raised to ``floor`` at least, so that no arrangement of few
     neighbours multiplies a pressure difference by more than 1/floor.
     """
+    _make(operator, lattice, particles, pairs, bounded_moment, over, rows, floor, ("position", "surface_share"))
+
+
+def _make(
+    operator: Operator, lattice: Lattice, particles: Particles, pairs: Pairs, term: PairTerm, over: int, rows: int,
+    limit: float, made_of: tuple[str, ...],
+) -> None:  # fmt: skip
+    """Write ``correction``, unless it holds just that already: divergence and gradient may ask for the same."""
+    recipe = (term.name, operator.weight, operator.re, over, rows, limit)
+    if particles.keeps("correction", recipe, made_of):
+        return
     pair_sum(
-        bounded_moment, particles, pairs, out="correction", weight=operator.weight, re=operator.radius(lattice),
-        over=over, rows=rows, arguments=(lattice.dimension / operator.n0(lattice), floor),
+        term, particles, pairs, out="correction", weight=operator.weight, re=operator.radius(lattice), over=over,
+        rows=rows, arguments=(lattice.dimension / operator.n0(lattice), limit),
     )  # fmt: skip
+    particles.keep("correction", recipe, made_of)
