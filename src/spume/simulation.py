@@ -88,7 +88,7 @@ class Simulation:
             domain.lattice,
             speed,
             self._acceleration / self.step.steadiness**2,
-            self.step.viscosity.max_dt(domain.lattice, self._viscosity),
+            self.step.viscosity.max_dt(domain.lattice, self.step.viscosity.largest(particles, self._viscosity)),
             min((body.max_dt() for body in domain.bodies), default=inf),
         )
         try:

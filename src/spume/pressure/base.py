@@ -37,7 +37,7 @@ class NotConverged(RuntimeError):
 
 
 class Solver(Scheme, family="solver"):
-    """Solves the linear system for ``pressure``, starting from the pressure of the step before."""
+    """Solves a linear system, starting from what its ``solution`` holds."""
 
     symmetric_only: ClassVar[bool]
     """Whether the method needs a symmetric matrix."""
@@ -49,7 +49,7 @@ class Solver(Scheme, family="solver"):
     """Iterations after which it gives up [1]."""
 
     def __call__(self, system: LinearSystem, particles: Particles) -> Solution:
-        """Solve for the unknown rows of ``pressure``.
+        """Solve for the unknown rows of ``system.solution``.
 
         Raises:
             NotConverged: the tolerance was not reached.

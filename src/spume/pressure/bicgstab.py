@@ -22,17 +22,17 @@ class StabilisedBiconjugateGradient(Solver, name="bicgstab"):
     needs: ClassVar = tuple(Field(f"bicgstab_{n}", (), "1", f"{n} vector of BiCGSTAB") for n in _VECTORS)
 
     def __call__(self, system: LinearSystem, particles: Particles) -> Solution:
-        """Solve for the unknown rows of ``pressure``."""
+        """Solve for the unknown rows of the system."""
         start, iterate = _kernels()
         partial, scalars, running = _workspace()
         vectors = [
-            particles["pressure"],
-            particles["diagonal"],
+            particles[system.solution],
+            particles[system.diagonal],
             *[particles[f"bicgstab_{n}"] for n in _VECTORS],
         ]
-        matrix = [system.start, particles["row_length"], system.column, system.value]
+        matrix = [system.start, particles[system.length], system.column, system.value]
         start(
-            *matrix, *vectors, particles["rhs"], particles["row_state"], partial, scalars, running,
+            *matrix, *vectors, particles[system.rhs], particles[system.state], partial, scalars, running,
             self.tolerance, particles.count,
         )  # fmt: skip
         if int(kernels.host(running)) == 1:

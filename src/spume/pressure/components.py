@@ -26,29 +26,29 @@ class Components:
     def project(self, system: LinearSystem, particles: Particles) -> list[NDArray[np.intp]]:
         """Make the right side of each floating component sum to zero; return the components' rows."""
         kernel = _label_kernel()
-        state, label = particles["row_state"], particles["component"]
+        state, label = particles[system.state], particles["component"]
         _start_kernel()(state, label, particles.count)
         while True:
             self._changed.fill(0)
             kernel(
-                system.start, particles["row_length"], system.column, state, label,
-                particles["grounded"], self._changed, particles.count,
+                system.start, particles[system.length], system.column, state, label,
+                particles[system.grounded], self._changed, particles.count,
             )  # fmt: skip
             if kernels.host(self._changed)[0] == 0:
                 break
         self._floating.fill(0)
-        _ground_kernel()(state, label, particles["grounded"], self._floating, particles.count)
+        _ground_kernel()(state, label, particles[system.grounded], self._floating, particles.count)
         if kernels.host(self._floating)[0] == 0:
             return []
-        labels, tied = particles.numpy("component"), particles.numpy("grounded")
-        unknown = particles.numpy("row_state") == UNKNOWN
-        rhs = particles.numpy("rhs")
+        labels, tied = particles.numpy("component"), particles.numpy(system.grounded)
+        unknown = particles.numpy(system.state) == UNKNOWN
+        rhs = particles.numpy(system.rhs)
         found = []
         for root in np.unique(labels[unknown & (tied[labels] == 0)]):
             rows = np.flatnonzero(unknown & (labels == root))
             rhs[rows] -= rhs[rows].mean()
             found.append(rows)
-        particles.set("rhs", rhs)
+        particles.set(system.rhs, rhs)
         return found
 
     @staticmethod

@@ -12,6 +12,8 @@ from spume.pressure.matrix import UNKNOWN, LinearSystem
 BLOCKS = 128
 """Sums are made of this many partial sums, whatever the number of threads: the same bits every time."""
 
+_VECTORS = ("cg_residual", "cg_direction", "cg_product")
+
 
 class ConjugateGradient(Solver, name="cg"):
     """Preconditioned conjugate gradients (Hestenes & Stiefel 1952), preconditioner: the diagonal.
@@ -29,13 +31,13 @@ class ConjugateGradient(Solver, name="cg"):
     )
 
     def __call__(self, system: LinearSystem, particles: Particles) -> Solution:
-        """Solve for the unknown rows of ``pressure``."""
+        """Solve for the unknown rows of the system."""
         start, iterate = _kernels()
         partial, scalars, running = _workspace()
-        vectors = [particles[n] for n in ("pressure", "cg_residual", "cg_direction", "cg_product", "diagonal")]
-        matrix = [system.start, particles["row_length"], system.column, system.value]
+        vectors = [particles[n] for n in (system.solution, *_VECTORS, system.diagonal)]
+        matrix = [system.start, particles[system.length], system.column, system.value]
         start(
-            *matrix, *vectors, particles["rhs"], particles["row_state"], partial, scalars, running,
+            *matrix, *vectors, particles[system.rhs], particles[system.state], partial, scalars, running,
             self.tolerance, particles.count,
         )  # fmt: skip
         if int(kernels.host(running)) == 1:

@@ -52,8 +52,12 @@ def program(depth: int, inner: int) -> list[tuple[int, int]]:
 
 
 @kernels.cached
-def cycle_stages() -> Any:
-    """Return the parts of the cycle, as functions of one block of rows."""
+def cycle_stages(symmetric: bool) -> Any:
+    """Return the parts of the cycle, as functions of one block of rows.
+
+    Inner and outer iterations choose their steps by products with a test vector t: t = z of a correction z for a
+    symmetric matrix (conjugate gradients, least energy), t = A z else (conjugate residuals, least residual).
+    """
     qd, real = kernels.qd, kernels.runtime().real
     i32 = kernels.i32
     Level = level_type()
@@ -123,9 +127,12 @@ def cycle_stages() -> Any:
         for t in range(at + bound(b, parts, n), at + bound(b + 1, parts, n)):
             i = at + level.row[t]
             s = image_of(level, at, i)
+            t_i = s
+            if kernels.static(symmetric):
+                t_i = level.new[i]
             level.image[i] = s
-            energy += s * level.new[i]
-            share += level.right[i] * level.new[i]
+            energy += s * t_i
+            share += level.right[i] * t_i
         partial[3 * b] = energy
         partial[3 * b + 1] = share
 
@@ -136,9 +143,13 @@ def cycle_stages() -> Any:
         overlap = qd.cast(0, real)
         for t in range(at + bound(b, parts, n), at + bound(b + 1, parts, n)):
             i = at + level.row[t]
-            energy += image_of(level, at, i) * level.new[i]
-            share += level.right[i] * level.new[i]
-            overlap += level.image[i] * level.new[i]
+            s = image_of(level, at, i)
+            t_i = s
+            if kernels.static(symmetric):
+                t_i = level.new[i]
+            energy += s * t_i
+            share += level.right[i] * t_i
+            overlap += level.image[i] * t_i
         partial[3 * b] = energy
         partial[3 * b + 1] = share
         partial[3 * b + 2] = overlap
@@ -194,13 +205,13 @@ def cycle_stages() -> Any:
 
 
 @kernels.cached
-def outer_stages() -> Any:
-    """Return the parts of the flexible conjugate gradients, as functions of one block of rows."""
+def outer_stages(symmetric: bool) -> Any:
+    """Return the parts of the outer iteration, as functions of one block of rows."""
     qd, real = kernels.qd, kernels.runtime().real
     i32 = kernels.i32
     Level = level_type()
     Reals = kernels.array_type(real)
-    bound, shared = stages().bound, cycle_stages()
+    bound, shared = stages().bound, cycle_stages(symmetric)
     image_of, total, ratio = shared.image_of, shared.total, shared.ratio
 
     @kernels.func
@@ -238,11 +249,13 @@ def outer_stages() -> Any:
         for t in range(bound(b, parts, n), bound(b + 1, parts, n)):
             i = level.row[t]
             s = image_of(level, 0, i)
-            z = level.new[i]
+            t_i = s
+            if kernels.static(symmetric):
+                t_i = level.new[i]
             level.image[i] = s
-            energy += s * z
-            share += level.right[i] * z
-            overlap += q[i] * z
+            energy += s * t_i
+            share += level.right[i] * t_i
+            overlap += q[i] * t_i
         partial[3 * b] = energy
         partial[3 * b + 1] = share
         partial[3 * b + 2] = overlap
@@ -277,12 +290,12 @@ def outer_stages() -> Any:
 
 
 @kernels.cached
-def run_function() -> Any:
+def run_function(symmetric: bool) -> Any:
     """Return the function that runs a program on the coarse levels in one thread."""
     i32 = kernels.i32
     Level = level_type()
     Reals, Rows = kernels.array_type(kernels.runtime().real), kernels.array_type(i32)
-    c = cycle_stages()
+    c = cycle_stages(symmetric)
 
     @kernels.func
     def run(operations: Rows, first: i32, last: i32, coarse: Level, table: Rows, partial: Reals, scalars: Reals):  # type: ignore[no-untyped-def, valid-type]
@@ -313,13 +326,13 @@ def run_function() -> Any:
 
 
 @kernels.cached
-def solve_in_one_thread() -> Any:
+def solve_in_one_thread(symmetric: bool) -> Any:
     """Return the kernel that iterates in one go."""
     qd, real = kernels.qd, kernels.runtime().real
     i32 = kernels.i32
     Level = level_type()
     Reals, Rows = kernels.array_type(real), kernels.array_type(i32)
-    c, o, run = cycle_stages(), outer_stages(), run_function()
+    c, o, run = cycle_stages(symmetric), outer_stages(symmetric), run_function(symmetric)
 
     @kernels.kernel
     def solve_by_multigrid(
@@ -348,13 +361,13 @@ def solve_in_one_thread() -> Any:
 
 
 @kernels.cached
-def parallel_kernels() -> Any:
+def parallel_kernels(symmetric: bool) -> Any:
     """Return the kernels that work on one level with all threads, and the one that runs a part of the program."""
     qd, real = kernels.qd, kernels.runtime().real
     i32 = kernels.i32
     Level = level_type()
     Reals, Rows = kernels.array_type(real), kernels.array_type(i32)
-    c, o, run = cycle_stages(), outer_stages(), run_function()
+    c, o, run = cycle_stages(symmetric), outer_stages(symmetric), run_function(symmetric)
 
     @kernels.kernel
     def start(

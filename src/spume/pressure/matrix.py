@@ -1,24 +1,27 @@
-"""Linear system of the pressure Poisson equation, assembled from a Laplacian model.
+"""Linear systems over the rows of the table, assembled from a Laplacian model.
 
-Every row of the table has a state:
+A system states for each of its rows, with c_ij the coefficients of the Laplacian and k_ij what its equation makes of
+a pair, sum_j k_ij c_ij (x_i - x_j) + diagonal_i x_i = right_i. Every row of the table has a state:
 
 * UNKNOWN: its value is solved for;
 * KNOWN: its value is given (free surface);
-* FLUX: a solid row without an equation; towards its neighbours it imposes a known difference,
-  P_j - P_i = wall_gradient_j . r_ij (Neumann condition), which goes to the right side;
+* FLUX: a solid row without an equation; what it imposes on its neighbours goes to the right side, for the pressure a
+  known difference, P_j - P_i = wall_gradient_j . r_ij (Neumann condition);
 * ABSENT: it takes no part.
 
-With c_ij the coefficient of the Laplacian and rho_ij the mean density of the pair, row i states
-sum_j c_ij/rho_ij (P_i - P_j) + surface_diagonal_i P_i = -source_i.
+For the pressure k_ij is 1/rho_ij with the mean density of the pair, diagonal_i the draw of the free surface,
+``surface_diagonal``, towards ``surface_value``, and right_i is -source_i.
 """
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from spume import kernels
 from spume.lattice import Lattice
-from spume.pairs import Pairs, load, minimum_image
-from spume.particles import Field, Particles
-from spume.schemes.laplacian.base import Laplacian
+from spume.pairs import Pairs, Signature, load, minimum_image
+from spume.particles import ANY, Field, Particles
+from spume.schemes.laplacian.base import Laplacian, Terms
 
 ABSENT, UNKNOWN, KNOWN, FLUX = 0, 1, 2, 3
 
@@ -34,46 +37,138 @@ SYSTEM_FIELDS = (
 )
 
 
+@dataclass(frozen=True)
+class Equation:
+    """What a system states beside its Laplacian, as functions of the kernel language.
+
+    Attributes:
+        pair: k(a, b), the factor on a pair's coefficient.
+        row: k(a), the factor on a coefficient of the row alone (missing neighbours).
+        diagonal, right: (a, *arguments), what the row has on the diagonal and on the right side.
+        outside: (a), the value of missing neighbours; None: they do not count.
+        known: (b), the value of a KNOWN neighbour.
+        flux: (a, b, r), the known difference x_j - x_i (1 + flux_share) that a FLUX neighbour imposes.
+        flux_share: (a, b, r), how much of x_i itself it takes off; None: nothing.
+        pair_reads: fields of a and b that ``pair``, ``known`` and ``flux`` read.
+        row_reads: fields of a that the others read.
+    """
+
+    pair: Callable[..., Any]
+    row: Callable[..., Any]
+    diagonal: Callable[..., Any]
+    right: Callable[..., Any]
+    outside: Callable[..., Any] | None
+    known: Callable[..., Any]
+    flux: Callable[..., Any]
+    flux_share: Callable[..., Any] | None
+    pair_reads: tuple[str, ...]
+    row_reads: tuple[str, ...]
+
+
+@kernels.func
+def _specific_volume(a, b):  # type: ignore[no-untyped-def]
+    return 2.0 / (a.density + b.density)
+
+
+@kernels.func
+def _own_volume(a):  # type: ignore[no-untyped-def]
+    return 1.0 / a.density
+
+
+@kernels.func
+def _draw(a):  # type: ignore[no-untyped-def]
+    return a.surface_diagonal
+
+
+@kernels.func
+def _source(a):  # type: ignore[no-untyped-def]
+    return -a.source + a.surface_diagonal * a.surface_value
+
+
+@kernels.func
+def _surface_value(a):  # type: ignore[no-untyped-def]
+    return a.surface_value
+
+
+@kernels.func
+def _pressure(b):  # type: ignore[no-untyped-def]
+    return b.pressure
+
+
+@kernels.func
+def _imposed(a, b, r):  # type: ignore[no-untyped-def]
+    return b.wall_gradient.dot(r)
+
+
+PRESSURE = Equation(
+    pair=_specific_volume, row=_own_volume, diagonal=_draw, right=_source, outside=_surface_value, known=_pressure,
+    flux=_imposed, flux_share=None, pair_reads=("density", "pressure", "wall_gradient"),
+    row_reads=("source", "surface_diagonal", "surface_value"),
+)  # fmt: skip
+"""The pressure Poisson equation, div(grad(P)/rho) = source."""
+
+
 class LinearSystem:
     """A sparse matrix over the rows of the table, in the slots of the neighbour list.
+
+    Args:
+        solution, state, diagonal, rhs, length, grounded: names of the fields that hold the system's values.
 
     Attributes:
         column: row numbers of the entries.
         value: entries beside the diagonal.
         start: first slot of each row, shared with the neighbour list.
+        symmetric: whether the matrix assembled last is symmetric.
     """
 
-    def __init__(self) -> None:
+    def __init__(
+        self, solution: str = "pressure", state: str = "row_state", diagonal: str = "diagonal", rhs: str = "rhs",
+        length: str = "row_length", grounded: str = "grounded",
+    ) -> None:  # fmt: skip
+        self.solution, self.state, self.diagonal = solution, state, diagonal
+        self.rhs, self.length, self.grounded = rhs, length, grounded
         self.column: Any = None
         self.value: Any = None
         self.start: Any = None
+        self.symmetric = True
         self._slots = 0
 
-    def assemble(self, laplacian: Laplacian, lattice: Lattice, particles: Particles, pairs: Pairs) -> None:
-        """Fill the matrix and the right side from ``row_state``, ``source``, ``pressure`` of known rows."""
+    def assemble(
+        self, laplacian: Laplacian, lattice: Lattice, particles: Particles, pairs: Pairs, *, over: int = ANY,
+        equation: Equation = PRESSURE, arguments: tuple[float, ...] = (),
+    ) -> None:  # fmt: skip
+        """Fill matrix and right side from the states and the fields that the equation reads.
+
+        Args:
+            over: kinds of the rows that take part (those that are not ABSENT).
+            arguments: numbers for the equation's ``diagonal`` and ``right``.
+        """
         slots = pairs.list.neighbour.shape[0]
         if slots != self._slots:
             self._slots = slots
             self.column = kernels.array(kernels.i32, slots)
             self.value = kernels.array(kernels.runtime().real, slots)
         self.start = pairs.list.start
-        laplacian.prepare(lattice, particles, pairs)
-        reads = tuple(dict.fromkeys(("density", *laplacian.reads)))
+        self.symmetric = laplacian.symmetric
+        laplacian.prepare(lattice, particles, pairs, over)
+        terms = laplacian.terms()
+        near = tuple(dict.fromkeys((*equation.pair_reads, *terms.reads)))
+        own = tuple(n for n in dict.fromkeys((*equation.row_reads, *terms.row_reads)) if n not in near)
         signature = tuple(
-            (n, particles.fields[n].value_shape(particles.dimension), particles.fields[n].dtype is int) for n in reads
+            (n, particles.fields[n].value_shape(particles.dimension), particles.fields[n].dtype is int)
+            for n in (*near, *own)
         )
         kernel = _assembly_kernel(
-            laplacian.coefficient, signature, laplacian.weight.function(), particles.dimension, pairs.periodic,
-            laplacian.compensated,
+            terms, equation, signature, near, own, laplacian.weight.function(), particles.dimension, pairs.periodic,
+            len(arguments),
         )  # fmt: skip
         kernel(
-            particles["position"], particles["row_state"], particles["source"], particles["pressure"],
-            particles["wall_gradient"], particles["surface_diagonal"], particles["surface_value"],
-            particles["pressure_gradient"], particles["surface_share"],
-            particles["diagonal"], particles["rhs"], particles["row_length"], particles["grounded"],
+            particles["position"], particles[self.state], particles[self.diagonal], particles[self.rhs],
+            particles[self.length], particles[self.grounded],
             pairs.list.start, pairs.list.length, pairs.list.neighbour, self.column, self.value,
-            *[particles[n] for n in reads],
-            particles.count, laplacian.radius(lattice), laplacian.scale(lattice), *pairs.list.period,
+            *[particles[n] for n in (*near, *own)],
+            particles.count, laplacian.radius(lattice), laplacian.scale(lattice), *arguments,
+            *pairs.list.period,
         )  # fmt: skip
 
     def bytes(self) -> int:
@@ -83,28 +178,35 @@ class LinearSystem:
 
 @kernels.cached
 def _assembly_kernel(
-    coefficient: Any, signature: Any, weight: Any, d: int, periodic: tuple[bool, ...], compensated: bool
-) -> Any:
-    """Generate the assembly for one Laplacian model."""
-    reads = [n for n, _, _ in signature]
-    Row, loading = load(signature, reads)
+    terms: Terms, equation: Equation, signature: Signature, near: tuple[str, ...], own: tuple[str, ...], weight: Any,
+    d: int, periodic: tuple[bool, ...], n_arguments: int,
+) -> Any:  # fmt: skip
+    """Generate the assembly for one Laplacian model and one equation."""
+    Own, loading_own = load(signature, (*near, *own))
+    Near, loading_near = load(signature, near)
+    types = {n: kernels.value_type(shape, integer) for n, shape, integer in signature}
     real = kernels.runtime().real
     scope: dict[str, Any] = {
-        "Row": Row, "coefficient": coefficient, "weight": weight, "real": real,
-        "serial": kernels.runtime().serial, "Vectors": kernels.array_type(kernels.vector(d)),
+        "Own": Own, "Near": Near, "coefficient": terms.coefficient, "weight": weight, "real": real,
+        "serial": kernels.runtime().serial, "Vector": kernels.vector(d),
+        "Vectors": kernels.array_type(kernels.vector(d)),
         "Starts": kernels.array_type(kernels.i64), "Rows": kernels.array_type(kernels.i32),
-        "Reals": kernels.array_type(real),
+        "Reals": kernels.array_type(real), "missing": terms.diagonal,
+        "leaning": terms.rhs, **vars(equation),
     }  # fmt: skip
     parameters = [
-        "position: Vectors", "state: Rows", "source: Reals", "pressure: Reals", "wall_gradient: Vectors",
-        "surface_diagonal: Reals", "surface_value: Reals", "pressure_gradient: Vectors", "surface_share: Reals",
-        "diagonal: Reals", "rhs: Reals", "row_length: Rows", "grounded: Rows",
-        "start: Starts", "length: Rows", "neighbour: Rows", "column: Rows", "value: Reals",
+        "position: Vectors", "state: Rows", "out_diagonal: Reals", "out_rhs: Reals", "out_length: Rows",
+        "out_grounded: Rows", "start: Starts", "length: Rows", "neighbour: Rows", "column: Rows", "value: Reals",
     ]  # fmt: skip
-    for n, shape, integer in signature:
-        scope[f"In_{n}"] = kernels.array_type(kernels.value_type(shape, integer))
+    for n in (*near, *own):
+        scope[f"In_{n}"] = kernels.array_type(types[n])
         parameters.append(f"in_{n}: In_{n}")
-    parameters += ["count: qd.i32", "re: real", "scale: real", *[f"period{k}: real" for k in range(d)]]
+    arguments = [f"argument{k}" for k in range(n_arguments)]
+    parameters += ["count: qd.i32", "re: real", "scale: real"]
+    parameters += [f"{n}: real" for n in (*arguments, *[f"period{k}" for k in range(d)])]
+    of_equation = "".join(f", {n}" for n in arguments)
+    missing = terms.diagonal is not None and equation.outside is not None
+    leaning = terms.rhs is not None
     lines = [
         f"def assemble({', '.join(parameters)}):",
         "    qd.loop_config(serialize=serial)",
@@ -112,15 +214,24 @@ def _assembly_kernel(
         "        used = 0",
         "        tied = 0",
         "        total = qd.cast(1, real)",
-        "        right = qd.cast(0, real)",
+        "        summed = qd.cast(0, real)",
         f"        if state[i] == {UNKNOWN}:",
-        f"            a = {loading.format(row='i')}",
+        f"            a = {loading_own.replace('Row(', 'Own(').format(row='i')}",
         "            first = start[i]",
         "            x = position[i]",
-        "            total = surface_diagonal[i]",
-        "            right = -source[i] + surface_diagonal[i] * surface_value[i]",
-        *(["            lean = x * 0.0"] if compensated else []),
-        "            if surface_diagonal[i] > 0:",
+        f"            total = diagonal(a{of_equation})",
+        f"            summed = right(a{of_equation})",
+        *(
+            [
+                "            absent = scale * row(a) * missing(a)",
+                "            total += absent",
+                "            summed += absent * outside(a)",
+            ]
+            if missing
+            else []
+        ),
+        *(["            lean = Vector(0.0)"] if leaning else []),
+        "            if total > 0:",
         "                tied = 1",
         "            for k in range(length[i]):",
         "                j = neighbour[first + k]",
@@ -128,10 +239,10 @@ def _assembly_kernel(
         *[f"                {line}" for line in minimum_image(periodic)],
         "                rr = r.dot(r)",
         f"                if rr < re * re and state[j] != {ABSENT}:",
-        f"                    b = {loading.format(row='j')}",
+        f"                    b = {loading_near.replace('Row(', 'Near(').format(row='j')}",
         "                    c = scale * coefficient(a, b, r, weight(qd.sqrt(rr), re))",
-        "                    c *= 2.0 / (a.density + b.density)",
-        *(["                    lean += c * r"] if compensated else []),
+        "                    c *= pair(a, b)",
+        *(["                    lean += c * r"] if leaning else []),
         f"                    if state[j] == {UNKNOWN}:",
         "                        column[first + used] = j",
         "                        value[first + used] = -c",
@@ -139,14 +250,19 @@ def _assembly_kernel(
         "                        total += c",
         f"                    elif state[j] == {KNOWN}:",
         "                        total += c",
-        "                        right += c * pressure[j]",
+        "                        summed += c * known(b)",
         "                        tied = 1",
         "                    else:",
-        "                        right += c * wall_gradient[j].dot(r)",
-        *(["            right -= (1.0 - surface_share[i]) * lean.dot(pressure_gradient[i])"] if compensated else []),
-        "        diagonal[i] = total",
-        "        rhs[i] = right",
-        "        row_length[i] = used",
-        "        grounded[i] = tied",
+        "                        summed += c * flux(a, b, r)",
+        *(["                        total += c * flux_share(a, b, r)"] if equation.flux_share else []),
+        *(["            summed += leaning(a, lean)"] if leaning else []),
+        # A row that is tied to nothing has the value zero: its equation would be 0 x = right.
+        "            if total == 0.0:",
+        "                total = qd.cast(1, real)",
+        "                summed = qd.cast(0, real)",
+        "        out_diagonal[i] = total",
+        "        out_rhs[i] = summed",
+        "        out_length[i] = used",
+        "        out_grounded[i] = tied",
     ]
     return kernels.compiled("assemble", "\n".join(lines) + "\n", **scope)

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 from pydantic import Field as Parameter
 
 from spume import kernels
-from spume.pairs import row_map, row_term
-from spume.particles import ANY, Field, Particles
+from spume.particles import Field, Particles
 from spume.pressure import aggregation, cycle, levels
 from spume.pressure.base import NotConverged, Solution, Solver
+from spume.pressure.bicgstab import StabilisedBiconjugateGradient
 from spume.pressure.conjugate_gradient import ConjugateGradient, solution
 from spume.pressure.matrix import UNKNOWN, LinearSystem
 
@@ -33,11 +33,6 @@ ROOM = (1 / 3, 5.0)
 """Rows of all coarse levels, and their entries, per particle that there is room for at first (it grows)."""
 
 
-@row_term(reads=("pressure", "row_state"))
-def no_pressure(a):  # type: ignore[no-untyped-def]
-    return kernels.qd.select(a.row_state == UNKNOWN, 0.0, a.pressure)
-
-
 class Multigrid(Solver, name="multigrid"):
     """Flexible conjugate gradients, preconditioner: one multigrid cycle on background cells.
 
@@ -48,7 +43,7 @@ class Multigrid(Solver, name="multigrid"):
 
     ids: ClassVar = ("A4",)
     reference: ClassVar = "sodersten2019"
-    symmetric_only: ClassVar = True
+    symmetric_only: ClassVar = False
     needs: ClassVar = (
         *ConjugateGradient.needs,
         *[Field(f"multigrid_{n}", (), unit, doc) for n, (unit, doc) in _REALS.items()],
@@ -70,8 +65,12 @@ class Multigrid(Solver, name="multigrid"):
         try:
             return _workspace(particles.dimension).solve(hasty, system, particles)
         except NotConverged:
-            row_map(no_pressure, particles, out="pressure", rows=ANY)
-            plain = ConjugateGradient(tolerance=self.tolerance, largest_iterations=self.largest_iterations)
+            value = particles.numpy(system.solution)
+            value[particles.numpy(system.state) == UNKNOWN] = 0.0
+            particles.set(system.solution, value)
+            particles.declare(StabilisedBiconjugateGradient.needs)
+            method = ConjugateGradient if system.symmetric else StabilisedBiconjugateGradient
+            plain = method(tolerance=self.tolerance, largest_iterations=self.largest_iterations)
             found = plain(system, particles)
             return Solution(found.iterations, found.residual, fallbacks=1)
 
@@ -98,8 +97,9 @@ class _Workspace:
         room = (int(share * particles.capacity) + 1 for share in ROOM)
         self._reserve(particles.capacity, *room)
         level = self._particles_level(system, particles)
-        vectors = [particles[n] for n in ("pressure", "rhs", "multigrid_direction", "multigrid_product")]
+        vectors = [particles[n] for n in (system.solution, system.rhs, "multigrid_direction", "multigrid_product")]
         vectors += [self._partial, self._scalars]
+        self._state, self._symmetric = particles[system.state], system.symmetric
         alone = aggregation.blocks(particles.count) == 1
         build = self._build_in_one_thread if alone else self._build_with_threads
         while True:
@@ -113,7 +113,7 @@ class _Workspace:
             )
         self._plan(depth, solver.inner_levels)
         if alone:
-            cycle.solve_in_one_thread()(
+            cycle.solve_in_one_thread(system.symmetric)(
                 level, self._coarse, self._table, self._operations, self._length, *vectors,
                 solver.tolerance, solver.largest_iterations,
             )  # fmt: skip
@@ -125,7 +125,7 @@ class _Workspace:
     def _arguments(self, level: Any, particles: Particles) -> list[Any]:
         return [
             level, self._coarse, self._scratch, self._table, self._low, self._high, particles["position"],
-            particles["row_state"], float(aggregation.CELL * particles.spacing), particles.count, self._rows,
+            self._state, float(aggregation.CELL * particles.spacing), particles.count, self._rows,
             self._slots, self._cells,
         ]  # fmt: skip
 
@@ -151,7 +151,7 @@ class _Workspace:
 
     def _iterate(self, level: Any, vectors: list[Any], solver: Multigrid) -> None:
         """Iterate with all threads on the large levels; runs of operations on small ones are one launch each."""
-        kernel, table = cycle.parallel_kernels(), self._host_table
+        kernel, table = cycle.parallel_kernels(self._symmetric), self._host_table
         x, rhs, p, q, partial, scalars = vectors
         coarse, n = self._coarse, int(table[1])
         parts, part_of_coarse = self._parts, int(table[3])
@@ -231,8 +231,8 @@ class _Workspace:
         mine = {n: particles[f"multigrid_{n}"] for n in (*_REALS, *_ROWS)}
         return aggregation.level_type()(
             row=mine["row"], start=system.start,
-            length=particles["row_length"], column=system.column, value=system.value,
-            diagonal=particles["diagonal"], inverse=mine["inverse"], aggregate=mine["aggregate"],
+            length=particles[system.length], column=system.column, value=system.value,
+            diagonal=particles[system.diagonal], inverse=mine["inverse"], aggregate=mine["aggregate"],
             member=mine["member"], first=mine["member"], last=mine["member"], cell=mine["member"],
             right=mine["residual"], old=mine["before"], new=mine["correction"], image=mine["image"],
             kept=mine["image"],

@@ -18,7 +18,7 @@ from typing import Any
 
 from spume import kernels
 from spume.lattice import Lattice
-from spume.pairs import Pairs, minimum_image
+from spume.pairs import Pairs, minimum_image, row_map, row_term
 from spume.particles import ANY, FLUID, WALL, Field, Particles
 from spume.schemes.operator import Operator
 
@@ -40,6 +40,21 @@ def basis(r, l0):  # type: ignore[no-untyped-def]
     else:
         z = r[r.n - 1] / l0
         return kernels.qd.Vector([x, y, z, x * x, y * y, z * z, x * y, y * z, z * x])
+
+
+@row_term(reads=("laplacian_vector",))
+def scaled_vector(a, first, second):  # type: ignore[no-untyped-def]
+    v = a.laplacian_vector
+    d = kernels.static(2 if v.n == 5 else 3)
+    for k in kernels.static(range(v.n)):
+        v[k] *= first if kernels.static(k < d) else second
+    return v
+
+
+def per_metre(lattice: Lattice, particles: Particles, rows: int = FLUID | WALL) -> None:
+    """Turn ``laplacian_vector`` into units of 1/m and 1/m^2, to be multiplied with ``basis(r, 1)``."""
+    l0 = lattice.spacing
+    row_map(scaled_vector, particles, out="laplacian_vector", rows=rows, arguments=(1.0 / l0, 1.0 / l0**2))
 
 
 def second_order_vectors(

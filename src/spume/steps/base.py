@@ -169,7 +169,7 @@ class Step(Scheme, family="step"):
         if self.solver.symmetric_only and not self.laplacian.symmetric:
             raise ValueError(
                 f"solver {self.solver.key!r} needs a symmetric matrix, which the laplacian {self.laplacian.key!r} "
-                "does not give: choose bicgstab"
+                "does not give: choose multigrid or bicgstab"
             )
         return self
 
@@ -248,7 +248,7 @@ def solve_pressure(step: Step, domain: Domain, surface_pressure: float, dt: floa
         )  # fmt: skip
         if step.source.compressibility > 0.0:
             _compress(step.source, particles, dt)
-        system.assemble(step.laplacian, domain.lattice, particles, domain.pairs)
+        system.assemble(step.laplacian, domain.lattice, particles, domain.pairs, over=step.wall_model.carriers)
         floating = domain.components.project(system, particles)
     with stage("solve"):
         solution = step.solver(system, particles)

@@ -12,7 +12,7 @@ from spume.schemes.free_surface.blended import Blended as BlendedSurface
 from spume.schemes.gradient.base import Gradient
 from spume.schemes.gradient.completed import Completed
 from spume.schemes.laplacian.base import Laplacian
-from spume.schemes.laplacian.distance import CompensatedDistance
+from spume.schemes.laplacian.corrected_vector import CorrectedVector
 from spume.schemes.shifting.base import Shifting
 from spume.schemes.shifting.fickian import Fickian
 from spume.schemes.source.base import Source
@@ -45,7 +45,7 @@ class ProjectInPlace(Step, name="project-in-place"):
     """Detection of the free surface."""
     divergence: Divergence = BlendedDivergence()
     """Divergence of the predicted velocity."""
-    laplacian: Laplacian = CompensatedDistance()
+    laplacian: Laplacian = CorrectedVector(base="distance", correction="lagged")
     """Laplacian of the pressure matrix."""
     gradient: Gradient = Completed()
     """Gradient of the pressure."""

@@ -1,31 +1,52 @@
-"""The family of Laplacian models: one coefficient per pair, for the pressure matrix and for viscosity."""
+"""The family of Laplacian models: pair and row formulas that the pressure matrix, viscosity and diffusion share."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from spume.lattice import Lattice
 from spume.pairs import Pairs
-from spume.particles import Particles
+from spume.particles import ANY, Particles
 from spume.schemes.operator import Operator
 
 
-class Laplacian(Operator, family="laplacian"):
-    """A model <lap phi>_i = s sum_j c_ij (phi_j - phi_i).
+@dataclass(frozen=True)
+class Terms:
+    """What a Laplacian states, as functions of the kernel language (made with ``kernels.func``).
 
-    ``coefficient`` is the function c(a, b, r, w) of the kernel language; ``reads`` names the fields of a
-    and b that it uses and ``scale`` gives s.
+    Attributes:
+        coefficient: c(a, b, r, w) of a pair.
+        reads: fields of a and b that the coefficient reads.
+        diagonal: d(a) of a row: missing neighbours beyond the free surface, which carry the value of the
+            surroundings. Only a system that knows such a value takes it (the pressure does, a velocity does not).
+        rhs: f(a, lean) of a row, with lean = sum_j c_ij r_ij as it stands in the matrix: what the right
+            side of the pressure's system receives.
+        row_reads: fields of a that ``diagonal`` and ``rhs`` read.
     """
 
-    symmetric: ClassVar[bool]
-    """Whether c_ij = c_ji, so that the matrix is symmetric."""
-    reads: ClassVar[tuple[str, ...]] = ()
-    """Fields that the coefficient reads."""
-    coefficient: ClassVar[Any]
-    """The coefficient c_ij of a pair."""
-    compensated: ClassVar[bool] = False
-    """Whether the matrix takes off sum_j c_ij r_ij . grad P, with the gradient of the step before."""
+    coefficient: Callable[..., Any]
+    reads: tuple[str, ...] = ()
+    diagonal: Callable[..., Any] | None = None
+    rhs: Callable[..., Any] | None = None
+    row_reads: tuple[str, ...] = ()
 
-    def prepare(self, lattice: Lattice, particles: Particles, pairs: Pairs) -> None:
-        """Compute what the coefficient reads; called once for a set of positions."""
+
+class Laplacian(Operator, family="laplacian"):
+    """A model <lap phi>_i = s [sum_j c_ij (phi_j - phi_i) + d_i (phi_outside - phi_i)]."""
+
+    symmetric: ClassVar[bool]
+    """Whether c_ij = c_ji, so that the matrix is symmetric and a diffused quantity is conserved."""
+
+    def terms(self) -> Terms:
+        """Return the formulas; the same objects each time, so that they compile once."""
+        raise NotImplementedError
+
+    def prepare(self, lattice: Lattice, particles: Particles, pairs: Pairs, over: int = ANY) -> None:
+        """Compute what the formulas read; called once for a set of positions.
+
+        Args:
+            over: kinds of the neighbours that take part in the sum.
+        """
 
     def scale(self, lattice: Lattice) -> float:
         """Return the factor s on the sum."""

@@ -4,7 +4,7 @@ from typing import ClassVar
 
 from spume import kernels
 from spume.lattice import Lattice
-from spume.schemes.laplacian.base import Laplacian
+from spume.schemes.laplacian.base import Laplacian, Terms
 
 
 @kernels.func
@@ -12,28 +12,26 @@ def coefficient(a, b, r, w):  # type: ignore[no-untyped-def]
     return w / r.dot(r)
 
 
+TERMS = Terms(coefficient)
+
+
 class Distance(Laplacian, name="distance"):
     """<lap phi>_i = 2 d/n0 sum_j (phi_j - phi_i)/r^2 W (the sum of review Eq. 25, Liu 2018).
 
-    Symmetric; exact for quadratics on the regular arrangement, like the original. Its coefficient grows
-    with nearness as the pair terms of divergence and gradient do: where two particles nearly touch, the
-    original one (lambda in place of r^2) lets a projection overshoot by lambda/r^2, this one does not.
+    Symmetric, with positive coefficients; exact for quadratics on the regular arrangement, like the original. Its
+    coefficient grows with nearness as the pair terms of divergence and gradient do: where two particles nearly touch,
+    the original one (lambda in place of r^2) lets a projection overshoot by lambda/r^2, this one does not.
     """
 
     reference: ClassVar = "liu2018"
     order: ClassVar = 0
     conserves: ClassVar = frozenset({"flux"})
     symmetric: ClassVar = True
-    coefficient: ClassVar = staticmethod(coefficient)
+
+    def terms(self) -> Terms:
+        """Return c = W/r^2."""
+        return TERMS
 
     def scale(self, lattice: Lattice) -> float:
         """Return 2 d/n0 [1]."""
         return 2.0 * lattice.dimension / self.n0(lattice)
-
-
-class CompensatedDistance(Distance, name="distance-compensated"):
-    """<lap phi>_i = 2 d/n0 sum_j (phi_j - phi_i - r_ij . grad phi)/r^2 W."""
-
-    reference: ClassVar = "duan2018"
-    conserves: ClassVar = frozenset()
-    compensated: ClassVar = True

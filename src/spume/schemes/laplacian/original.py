@@ -4,7 +4,7 @@ from typing import ClassVar
 
 from spume import kernels
 from spume.lattice import Lattice
-from spume.schemes.laplacian.base import Laplacian
+from spume.schemes.laplacian.base import Laplacian, Terms
 
 
 @kernels.func
@@ -12,11 +12,14 @@ def coefficient(a, b, r, w):  # type: ignore[no-untyped-def]
     return w
 
 
+TERMS = Terms(coefficient)
+
+
 class Original(Laplacian, name="original"):
     """<lap phi>_i = 2 d/(lambda n0) sum_j (phi_j - phi_i) W (Koshizuka & Oka 1996; review Eq. 5).
 
-    Symmetric; exact for quadratics on the regular arrangement; on an irregular one even linear fields
-    leave an error that does not vanish with l0.
+    Symmetric, with positive coefficients; exact for quadratics on the regular arrangement; on an irregular one even
+    linear fields leave an error that does not vanish with l0.
     """
 
     ids: ClassVar[tuple[str, ...]] = ("A3", "C1")
@@ -24,7 +27,10 @@ class Original(Laplacian, name="original"):
     order: ClassVar = 0
     conserves: ClassVar = frozenset({"flux"})
     symmetric: ClassVar = True
-    coefficient: ClassVar = staticmethod(coefficient)
+
+    def terms(self) -> Terms:
+        """Return c = W."""
+        return TERMS
 
     def scale(self, lattice: Lattice) -> float:
         """Return 2 d/(lambda n0) [1/m^2]."""

@@ -1,0 +1,1 @@
+"""Turbulence below the size of a particle."""

@@ -1,0 +1,18 @@
+"""No turbulence model."""
+
+from typing import ClassVar
+
+from spume.lattice import Lattice
+from spume.pairs import Pairs
+from spume.particles import Particles
+from spume.schemes.turbulence.base import Turbulence
+
+
+class Laminar(Turbulence, name="none"):
+    """What the particles resolve is all the motion there is: nothing is added."""
+
+    order: ClassVar = None
+
+    def __call__(self, lattice: Lattice, particles: Particles, pairs: Pairs) -> str:
+        """Return ``kinematic_viscosity``."""
+        return "kinematic_viscosity"
