@@ -147,8 +147,13 @@ def collision(scheme, cloud, share=None):
     return rows.get("velocity") - cloud.u
 
 
+def turbulence(scheme, cloud, share=None):
+    rows = Rows(scheme, cloud, share, slip_velocity=cloud.u)
+    return rows.get(scheme(*rows.handles))
+
+
 ASK = {
     "collision": collision, "divergence": divergence, "free_surface": free_surface, "gradient": gradient,
     "laplacian": laplacian, "number_density": number_density, "shifting": shifting, "source": source,
-    "viscosity": viscosity,
+    "turbulence": turbulence, "viscosity": viscosity,
 }  # fmt: skip

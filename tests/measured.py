@@ -39,7 +39,7 @@ def made(name, entry=None):
 
 def cloud_of(name, d, **changes):
     """Return the cloud that a claim is about; its radius is the scheme's."""
-    own = {key: claim(name)[key] for key in ("re", "disturbance") if key in claim(name)}
+    own = {key: claim(name)[key] for key in ("re", "disturbance", "weight") if key in claim(name)}
     return cloud_for(d, **(own | {"shore": name.startswith("shifting")} | changes))
 
 

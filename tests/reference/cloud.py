@@ -43,7 +43,7 @@ class Cloud:
         self.x = l0 * (corners + disturbance * scattered(corners.shape, 2))
         self.u = scattered(corners.shape, 3)
         self.phi = 500.0 + 1000.0 * scattered(len(corners), 5)
-        self.rho = np.full(len(corners), 1000.0)
+        self.rho = 1000.0 + 500.0 * scattered(len(corners), 23)
         self.slope = 1000.0 * self.u
         self.before = [self.x + 0.05 * l0 * scattered(corners.shape, seed) for seed in (13, 17)]
         self.u_before = scattered(corners.shape, 19)

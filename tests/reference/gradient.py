@@ -77,28 +77,31 @@ def corrected_minimum(cloud):
     return g
 
 
-def basis(r, s, l0):
-    """p = (x/r, y/r, x^2/(l0 r), y^2/(l0 r), xy/(l0 r)), in 3D with z, z^2, yz, zx likewise."""
-    squares = [c * c for c in r]
-    products = [r[0] * r[1]] if len(r) == 2 else [r[0] * r[1], r[1] * r[2], r[2] * r[0]]
-    return np.array([*r, *(v / l0 for v in (*squares, *products))]) / s
+def basis(r, l0):
+    """x, y, x^2, y^2, xy of r/l0, in 3D x, y, z, x^2, y^2, z^2, xy, yz, zx."""
+    q = r / l0
+    return np.array([*q, *q**2, q[0] * q[1], *([q[1] * q[2], q[2] * q[0]] if len(q) == 3 else [])])
 
 
-def taylor(cloud, i):
-    """Solve sum_j W/n0 p p^T c = sum_j W/n0 p (phi_j - phi_i)/r: c holds gradient and l0/2 times second derivatives."""
+def taylor(cloud, i, inverse_square=True):
+    """The derivatives D, per l0 and 2/l0^2, that minimise sum_j v (phi_j - phi_i - q . D)^2, q = monomials of r/l0.
+
+    v = W l0^2/r^2 (then q l0/r are the p of Eq. 20) or v = W.
+    """
     size = 5 if cloud.d == 2 else 9
     moment, right = np.zeros((size, size)), np.zeros(size)
     for j, r, s, w in cloud.neighbours(i):
-        p = basis(r, s, cloud.l0)
-        moment += w / cloud.n0 * np.outer(p, p)
-        right += w / cloud.n0 * p * (cloud.phi[j] - cloud.phi[i]) / s
+        q = basis(r, cloud.l0)
+        v = w * cloud.l0**2 / s**2 if inverse_square else w
+        moment += v * np.outer(q, q)
+        right += v * q * (cloud.phi[j] - cloud.phi[i])
     # Rows of the outermost layer may have too few neighbours: they are not compared.
     return np.linalg.lstsq(moment, right, rcond=None)[0]
 
 
 def second_order(cloud):
     """1/n0 sum_j W (phi_j - phi_i)/r (C_1, C_2) p, C = [1/n0 sum W p p^T]^-1."""
-    return np.array([taylor(cloud, i)[: cloud.d] for i in range(len(cloud))])
+    return np.array([taylor(cloud, i)[: cloud.d] / cloud.l0 for i in range(len(cloud))])
 
 
 def completed(cloud):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from reference.gradient import matrix, taylor
+from reference.gradient import corrected, dummy_distance, matrix, taylor
 
 
 def original(cloud):
@@ -70,6 +70,37 @@ def corrected_vector(cloud):
     return lap
 
 
+def corrected_vector_distance(cloud):
+    """2 d/n0 sum_j (phi_j - phi_i - r_ij . g)/r^2 W with the corrected gradient g."""
+    lap, g = cloud.scalars(), corrected(cloud)
+    for i in range(len(cloud)):
+        for j, r, s, w in cloud.neighbours(i):
+            lap[i] += 2 * cloud.d / cloud.n0 * (cloud.phi[j] - cloud.phi[i] - r @ g[i]) / s**2 * w
+    return lap
+
+
+def dummy_neighbour(cloud):
+    """2 d/n0 [sum_j (phi_j - phi_i)/r^2 W + (phi_d - phi_i)/r_d^2 W_d], the dummy where it balances the surroundings.
+
+    phi_d = phi_i + r_d . g with the corrected gradient g inside the fluid, 0 in the open, by the row's share.
+    """
+    lap, g = cloud.scalars(), corrected(cloud)
+    for i in range(len(cloud)):
+        lack = np.zeros(cloud.d)
+        for j, r, s, w in cloud.neighbours(i):
+            lack += w * r / s**2
+            lap[i] += 2 * cloud.d / cloud.n0 * (cloud.phi[j] - cloud.phi[i]) / s**2 * w
+        s = dummy_distance(cloud, np.linalg.norm(lack))
+        r, w, share = -s * lack / np.linalg.norm(lack), cloud.W(s, cloud.re), cloud.share[i]
+        lap[i] += 2 * cloud.d / cloud.n0 * ((1 - share) * r @ g[i] - share * cloud.phi[i]) / s**2 * w
+    return lap
+
+
 def second_order(cloud):
-    """2/n0 sum_j W (phi_j - phi_i) (C_3 + C_4) p/(l0 r), in 3D with C_5."""
-    return np.array([2 / cloud.l0 * taylor(cloud, i)[cloud.d : 2 * cloud.d].sum() for i in range(len(cloud))])
+    """2/n0 sum_j W (phi_j - phi_i) (C_3 + C_4) p/(l0 r), in 3D C_4 + C_5 + C_6: the fit with W l0^2/r^2."""
+    return np.array([2 / cloud.l0**2 * taylor(cloud, i)[cloud.d : 2 * cloud.d].sum() for i in range(len(cloud))])
+
+
+def least_squares(cloud):
+    """The second derivatives of the fit with W (LSMPS type A)."""
+    return np.array([2 / cloud.l0**2 * taylor(cloud, i, False)[cloud.d : 2 * cloud.d].sum() for i in range(len(cloud))])
