@@ -10,7 +10,6 @@ from statistics import median
 
 from spume.build import build
 from spume.case import load
-from spume.steps.base import stage_times
 
 
 def main() -> None:
@@ -23,7 +22,7 @@ def main() -> None:
     fluid = int(simulation.snapshot().fluid.sum())
     for _ in range(3):
         simulation.advance()
-    stage_times.clear()
+    simulation.stage_times.clear()
     times, iterations = [], []
     for _ in range(steps):
         begin = time.perf_counter()
@@ -39,7 +38,7 @@ def main() -> None:
     print(
         f"        {median(times) / rows * 1e6:.2f} us per row; mean dt {simulation.time / simulation.step_index:.2e} s"
     )
-    for name, seconds in sorted(stage_times.items(), key=lambda item: -item[1]):
+    for name, seconds in sorted(simulation.stage_times.items(), key=lambda item: -item[1]):
         print(f"  {name:12s} {seconds / steps / fluid * 1e6:7.3f} us per fluid particle and step")
     print(f"  iterations: {sum(iterations) / steps:.1f}; memory, all in: {memory / rows:.0f} B per row")
 

@@ -21,7 +21,7 @@ ALLOWED = {
     "schemes": CORE | {"spume.pressure.matrix", "spume.pressure.base"},
     # A wall model says which rows have an equation, and sums like any other model.
     "wall_models": CORE | {"spume.geometry", "spume.pressure.matrix", "spume.schemes.operator"},
-    "bodies": CORE | {"spume.geometry"},
+    "bodies": CORE | {"spume.geometry", "spume.motion"},
 }
 MAY_IMPORT_SIMULATION = {"spume", "spume.build", "spume.run", "spume.cli"}
 KERNEL_LANGUAGE = {"quadrants", "taichi", "warp", "numba"}

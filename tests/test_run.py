@@ -9,8 +9,10 @@ import pytest
 from rich.console import Console
 
 import spume
+from spume import progress as progress_module
 from spume import run as run_module
-from spume.run import FolderExistsError, Progress, duration, make_folder, run_folder
+from spume.progress import Progress, duration
+from spume.run import FolderExistsError, make_folder, run_folder
 from spume.simulation import Diverged
 
 
@@ -34,6 +36,8 @@ class StandIn:
 
 
 class Recorder:
+    checkpoint = None
+
     def __init__(self):
         self.said, self.at_step = [], {}
         self.fail_at_end = False
@@ -153,7 +157,7 @@ def test_progress_in_a_terminal_is_a_bar():
 
 def test_time_left_is_the_rest_over_the_recent_speed(monkeypatch):
     now = [0.0]
-    monkeypatch.setattr(run_module.wall, "monotonic", lambda: now[0])
+    monkeypatch.setattr(progress_module.wall, "monotonic", lambda: now[0])
     progress = Progress(None, 100.0)
     simulation = StandIn()
     simulation.dt = 1.0

@@ -21,7 +21,8 @@ def lists(particles, pairs):
     neighbour, ids = pairs.list.neighbour.to_numpy(), particles.numpy("id")
     found = {}
     for i in range(particles.count):
-        entries = [int(ids[j]) for j in neighbour[start[i] : start[i] + length[i]]]
+        own = length[i] if i < particles.active else 0  # rows behind the active ones take no part
+        entries = [int(ids[j]) for j in neighbour[start[i] : start[i] + own]]
         assert len(set(entries)) == len(entries), "a neighbour is listed twice"
         found[int(ids[i])] = set(entries)
     return found
@@ -199,6 +200,42 @@ def test_an_overflowing_list_grows():
     assert pairs.list.bytes() > before
     assert lists(particles, pairs) == expected(particles, reach(pairs))
     assert sum(map(len, lists(particles, pairs).values())) > 144 * 100
+
+
+@few
+@given(axes=st.integers(0, 7), d=st.sampled_from([2, 3]), seed=st.integers(0, 2**32))
+def test_only_solid_rows_far_from_all_fluid_are_dry(axes, d, seed):
+    rng = np.random.default_rng(seed)
+    periodic = [bool(axes >> k & 1) for k in range(d)]
+    lengths = np.full(d, 4.0)
+    position = rng.uniform(0, 4.0, (600, d))
+    kind = rng.choice([WALL, DUMMY], 600)
+    kind[:3] = FLUID
+    region = (np.where(periodic, 0.0, -10.0), np.where(periodic, lengths, 10.0))
+    _, particles, pairs = table(position, region=region, periodic=periodic, kind=kind)
+    x, kinds = particles.numpy("position"), particles.numpy("kind")
+    period = np.where(periodic, lengths, np.inf)
+    distance = np.linalg.norm(offsets(x, period), axis=-1)[:, kinds == FLUID].min(axis=1)
+    active = np.arange(particles.count) < particles.active
+    np.testing.assert_array_equal(particles.numpy("dry"), ~active)
+    assert active[distance < 2.0 * reach(pairs)].all(), "a wall row that sees fluid must see all its neighbours"
+    assert not active[distance > 6.0 * reach(pairs) * np.sqrt(d)].any(), "far rows must not cost anything"
+
+
+def test_a_row_that_becomes_dry_loses_what_the_step_computed():
+    position = np.array([[0.05, 0.05], [0.05, 0.15], [3.05, 0.05]])
+    _, particles, pairs = table(position, spacing=0.1, kind=np.array([FLUID, WALL, WALL]))
+    assert particles.active == 2
+    particles.set("pressure", [7.0, 7.0, 0.0])
+    x = particles.numpy("position")
+    x[particles.numpy("kind") == FLUID] += [3.0, 0.1]
+    particles.set("position", x)
+    particles.changed = True
+    pairs.update(particles)
+    order = np.argsort(particles.numpy("id"))
+    assert particles.active == 2
+    np.testing.assert_array_equal(particles.numpy("dry")[order], [0, 1, 0])
+    np.testing.assert_array_equal(particles.numpy("pressure")[order], [7.0, 0.0, 0.0])
 
 
 def test_inserted_and_removed_rows():

@@ -25,8 +25,20 @@ from typing import Any
 
 _HOME = {
     "spume.case": ("Case", "CaseError", "Domain", "Fluid", "Time", "load"),
-    "spume.geometry": ("Box", "Cylinder", "Polygon", "Sphere", "Tank"),
+    "spume.geometry": (
+        "Box",
+        "Cylinder",
+        "Difference",
+        "Extrusion",
+        "Intersection",
+        "Polygon",
+        "Sphere",
+        "Stl",
+        "Tank",
+        "Union",
+    ),
     "spume.bodies.wall": ("Wall",),
+    "spume.run": ("resume",),
 }
 _MODULE = {name: module for module, names in _HOME.items() for name in names}
 

@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 
 from spume.case import AXES, Case, CaseError
 from spume.geometry import Grid, Shape, fill
+from spume.geometry.checks import unresolved, volume_of
 from spume.geometry.grid import TooManyCellsError
 from spume.geometry.layers import masters
 from spume.initial.base import Setting
+from spume.moving import bodies_of, moving_together, reached, set_in_motion
 from spume.named import Location, nearest_match
 from spume.outputs import Snapshot
 from spume.particles import BASE_FIELDS, DUMMY, FLUID, WALL
@@ -57,7 +59,7 @@ def grid_of(case: Case) -> Grid:
     for k, (start, period) in case.domain.periods().items():
         origin[k] = start
         cells = period / case.spacing
-        if abs(cells - round(cells)) > 1e-6 * max(1.0, cells) or round(cells) < 1:
+        if not 0.5 <= cells < 1e9 or abs(cells - round(cells)) > 1e-6 * cells:
             problems.append(
                 case.problem(
                     ("spacing",),
@@ -74,7 +76,7 @@ def initial_rows(case: Case) -> Rows:
 
     Returns:
         ``position``, ``velocity``, ``to_surface`` (n, d); ``pressure``, ``density``,
-        ``kinematic_viscosity`` (n,); ``kind``, ``body``, ``material``, ``id``, ``master`` (n,) integers.
+        ``kinematic_viscosity``, ``face_area`` (n,); ``kind``, ``body``, ``material``, ``id``, ``master`` (n,) integers.
         SI units; ``master`` is the id of the wall row that a dummy copies, for other rows their own.
 
     Raises:
@@ -119,6 +121,8 @@ def _fluid_cells(case: Case, grid: Grid) -> list[NDArray[np.float64]]:
             for sentence in moved:
                 log.warning("%s: %s", case.origin.name(loc) or f"fluid {fluid.name}", sentence)
             points = fill(shape, grid)
+            for sentence in volume_of(shape, grid, len(points)) if len(points) else []:
+                log.warning("%s: %s", case.origin.name(loc) or f"fluid {fluid.name}", sentence)
         except TooManyCellsError as error:
             problems.append(case.problem(("spacing",), f"too small for fluid {fluid.name!r}: {error}"))
         except ValueError as error:
@@ -204,6 +208,9 @@ def _body_rows(case: Case, grid: Grid) -> list[Rows]:
             for sentence in [] if shape is None else shape.snapped(grid)[1]:
                 log.warning("%s: %s", case.origin.name((*loc, "shape")) or f"body {body.name}", sentence)
             rows = body.rows(grid.spacing, grid.dimension, grid.origin)
+            if shape is not None and not getattr(body, "wet_inside", True):
+                for sentence in unresolved(shape.snapped(grid)[0], grid, rows["position"]):
+                    log.warning("%s: %s", case.origin.name((*loc, "shape")) or f"body {body.name}", sentence)
         except TooManyCellsError as error:
             problems.append(case.problem(("spacing",), f"too small for body {body.name!r}: {error}"))
             continue
@@ -214,7 +221,27 @@ def _body_rows(case: Case, grid: Grid) -> list[Rows]:
         tables.append(_in_one_period(case, rows))
     if problems:
         raise CaseError(problems)
-    return _merged(case, grid, tables) if len(tables) > 1 else tables
+    return _beside_each_other(case, grid, tables)
+
+
+def _beside_each_other(case: Case, grid: Grid, tables: list[Rows]) -> list[Rows]:
+    """Return the rows of all bodies; those that move together are merged, and yield to none that parts from them.
+
+    What moves away must leave the others whole, so it gives way wherever rows coincide.
+    """
+    taken = np.empty(0, dtype=np.int64)
+    result: dict[int, Rows] = {}
+    for members in moving_together(case):
+        merged = _merged(case, grid, [tables[i] for i in members], members)
+        for index, rows in zip(members, merged, strict=True):
+            keep = ~np.isin(_keys(grid.cells(rows["position"]), grid, case), taken)
+            if not keep.all():
+                name = case.body[index].name
+                log.warning("body %s: %d rows lie in other bodies and are left out", name, int((~keep).sum()))
+            result[index] = rows if keep.all() else _kept(rows, keep)
+        cells = [_keys(grid.cells(result[i]["position"]), grid, case) for i in members]
+        taken = np.concatenate([taken, *cells])
+    return [result[index] for index in range(len(tables))]
 
 
 def _in_one_period(case: Case, rows: Rows) -> Rows:
@@ -237,12 +264,14 @@ def _kept(rows: Rows, keep: NDArray[np.bool_]) -> Rows:
     return rows
 
 
-def _merged(case: Case, grid: Grid, tables: list[Rows]) -> list[Rows]:
+def _merged(case: Case, grid: Grid, tables: list[Rows], members: list[int]) -> list[Rows]:
     """Return the rows of several bodies with one row a cell, and dummies where no fluid can reach.
 
     Where rows coincide a wall row goes before a dummy, then the earlier body. A wall row all of whose
     neighbouring cells are solid (the floor under a block) becomes a dummy.
     """
+    if len(tables) == 1:
+        return tables
     size = [len(table["kind"]) for table in tables]
     kind = np.concatenate([table["kind"] for table in tables])
     position = np.concatenate([table["position"] for table in tables])
@@ -259,7 +288,7 @@ def _merged(case: Case, grid: Grid, tables: list[Rows]) -> list[Rows]:
     for offset in itertools.product((-1, 0, 1), repeat=grid.dimension):
         near = cells[candidates] + np.array(offset)
         solid = np.isin(_keys(near, grid, case), occupied)
-        for body in case.body:
+        for body in (case.body[index] for index in members):
             solid |= body.core(grid.centres(near), grid.spacing, grid.origin)
         enclosed &= solid
     demoted = np.zeros(len(keys), dtype=bool)
@@ -308,9 +337,10 @@ def _join(tables: Sequence[Rows], dimension: int) -> Rows:
             "to_surface": np.zeros((n, dimension)),
             "velocity": np.zeros((n, dimension)),
             "pressure": np.zeros(n),
+            "face_area": np.zeros(n),
             "material": np.zeros(n, dtype=int),
         }
-        for name in ("position", "velocity", "pressure", "to_surface", "kind", "body", "material"):
+        for name in ("position", "velocity", "pressure", "to_surface", "face_area", "kind", "body", "material"):
             parts.setdefault(name, []).append(np.asarray(table.get(name, fallback.get(name))))
         parts.setdefault("master", []).append(table["master"] + start)
         start += n
@@ -509,8 +539,14 @@ def _simulation(case: Case, rows: Rows) -> Simulation:
     from spume.particles import Particles
     from spume.simulation import Simulation
 
-    fields = case.step.needed_fields()
-    particles = Particles(case.dimension, case.spacing, fields, capacity=len(rows["kind"]))
+    bodies = bodies_of(case)
+    fields = dict.fromkeys(case.step.needed_fields())
+    for body in bodies:
+        if getattr(body, "motion", None) is not None:
+            fields |= dict.fromkeys(body.motion_fields)
+    set_in_motion(case, bodies, rows)
+    names = [body.name for body in bodies]
+    particles = Particles(case.dimension, case.spacing, fields, capacity=len(rows["kind"]), bodies=names)
     solid = rows["kind"] != FLUID
     slip = np.array([getattr(body, "slip", "") == "free-slip" for body in case.body] or [False])
     rows["slip"] = np.where(solid, slip[rows["body"]], False).astype(np.int32)
@@ -521,7 +557,8 @@ def _simulation(case: Case, rows: Rows) -> Simulation:
     radius = case.step.largest_radius() * case.spacing
     pairs = Pairs(radius, _SKIN * case.spacing, lower, upper, periodic)
     lattice = Lattice(case.dimension, case.spacing)
-    domain = Domain(lattice, particles, pairs, case.body, case.domain.gravity, case.fluid[0].density)
+    frame = case.domain.motion if case.domain.frame == "tank" else None
+    domain = Domain(lattice, particles, pairs, bodies, case.domain.gravity, case.fluid[0].density, motion=frame)
     clock = Clock(case.time.end, case.time.courant, case.time.step_max or math.inf)
     return Simulation(domain, case.step, clock)
 
@@ -532,10 +569,11 @@ _SKIN = 0.2  # of the neighbour lists, as a part of the spacing
 def region(case: Case, rows: Rows) -> tuple[list[float], list[float]]:
     """Return the corners [m] of the region beyond which particles are removed.
 
-    The domain's, or by default the box around all rows with as much again on every side.
+    The domain's, or by default the box around all rows, wherever motions take them, with as much again on
+    every side.
     """
     if case.domain.lower is not None and case.domain.upper is not None:
         return list(case.domain.lower), list(case.domain.upper)
-    lower, upper = rows["position"].min(axis=0), rows["position"].max(axis=0)
+    lower, upper = reached(case, rows["position"].min(axis=0), rows["position"].max(axis=0))
     margin = float((upper - lower).max()) + 10.0 * case.spacing
     return list(lower - margin), list(upper + margin)

@@ -15,8 +15,10 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 from spume import named, toml
 from spume.bodies import Body
 from spume.geometry import Shape
+from spume.geometry.checks import mistaken_units
 from spume.gravity import Constant, Gravity
 from spume.initial import Initial, Rest
+from spume.motion import Motion
 from spume.named import Location, Parameters, nearest_match
 from spume.outputs import Gauge, OutputSettings, Reference
 from spume.particles import BASE_FIELDS
@@ -52,6 +54,10 @@ class Domain(Parameters):
 
     gravity: Gravity | None = None
     """Acceleration of gravity [m/s^2]; default: 9.81 downwards, along -y in 2D and -z in 3D."""
+    frame: Literal["laboratory", "tank"] = "laboratory"
+    """Frame of reference of a tank that moves: its own, with fictitious accelerations, or the laboratory's."""
+    motion: Motion | None = None
+    """Motion of the whole tank: of every body (their own motions are relative to it) and of the initial fields."""
     periodic: tuple[Literal["x", "y", "z"], ...] = ()
     """Axes along which the domain repeats itself; they need lower and upper."""
     lower: tuple[float, ...] | None = None
@@ -72,6 +78,12 @@ class Domain(Parameters):
                 )
         if self.periodic and self.lower is None:
             raise ValueError(f"lower and upper must say how long the period along {self.periodic[0]} is")
+        if self.frame == "tank" and self.motion is None:
+            raise ValueError('frame = "tank" needs the motion of the tank: motion = { kind = …, … }')
+        if self.frame == "tank" and getattr(self.motion, "interpolation", "spline") == "linear":
+            raise ValueError('frame = "tank" needs a continuous acceleration: interpolation = "spline"')
+        if self.frame == "laboratory" and self.motion is not None and self.periodic:
+            raise ValueError('a periodic domain cannot move in the laboratory: choose frame = "tank"')
         return self
 
     def periods(self) -> dict[int, tuple[float, float]]:
@@ -177,15 +189,28 @@ class Case(Parameters):
         for key in ("fluid", "body"):
             for index, item in enumerate(getattr(self, key)):
                 yield from _dimensions(item, (key, index), d)
+        yield from _sizes(self)
         radius = self.step.largest_radius()
         for index, body in enumerate(self.body):
             layers = getattr(body, "layers", None)
             if layers is not None and layers < math.floor(radius) + 1:
                 message = f"must be at least {math.floor(radius) + 1}: the largest re is {radius:g} l0"
                 yield ("body", index, "layers"), message, layers
+        yield from self._impossible_motions()
         if self.tensile:
             yield from self._repulsive_models()
         yield from self._output_inconsistencies()
+
+    def _impossible_motions(self) -> Iterator[tuple[Location, str, Any]]:
+        """Yield what does not fit the case's dimension, or does not last until its end."""
+        found: list[tuple[Location, Motion | None, float]]
+        found = [(("domain", "motion"), self.domain.motion, self.time.end)]
+        for index, body in enumerate(self.body):
+            last = min(self.time.end, getattr(body, "until", None) or math.inf)
+            found.append((("body", index, "motion"), getattr(body, "motion", None), last))
+        for loc, motion, last in found:
+            for key, message in () if motion is None else motion.problems(self.dimension, last):
+                yield (*loc, key), message, getattr(motion, key)
 
     def _repulsive_models(self) -> Iterator[tuple[Location, str, Any]]:
         """Yield what turns negative pressures into something else."""
@@ -301,6 +326,15 @@ def _dimensions(item: Parameters, loc: Location, d: int) -> Iterator[tuple[Locat
 
     named.walk(item, visit, loc)
     yield from found
+
+
+def _sizes(case: Case) -> Iterator[tuple[Location, str, Any]]:
+    """Yield drawings whose unit does not suit the rest of the case."""
+    items = [(key, index, item) for key in ("fluid", "body") for index, item in enumerate(getattr(case, key))]
+    shapes = [((key, index, "shape"), item.shape) for key, index, item in items if hasattr(item, "shape")]
+    corners = [corner for corner in (case.domain.lower, case.domain.upper) if corner is not None]
+    if case.dimension == 3:
+        yield from mistaken_units(shapes, corners, case.spacing)
 
 
 # ------------------------------------------------------------------------------------- case files

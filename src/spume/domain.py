@@ -4,11 +4,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from spume.frame import BodyForce, body_force
 from spume.lattice import Lattice
+from spume.motion import Motion
 from spume.pairs import Pairs
 from spume.particles import Particles
 from spume.pressure.components import Components
 from spume.pressure.matrix import LinearSystem
+from spume.stopwatch import Stopwatch
 
 
 @dataclass
@@ -24,6 +27,8 @@ class Domain:
         density: density of the (first) fluid [kg/m^3].
         system: the linear system of the pressure.
         components: connected components of that system.
+        stages: wall time of the stages of the step.
+        motion: motion of the coordinate system, as that of a tank; None: the laboratory's.
     """
 
     lattice: Lattice
@@ -34,3 +39,9 @@ class Domain:
     density: float = 1000.0
     system: LinearSystem = field(default_factory=LinearSystem)
     components: Components = field(default_factory=Components)
+    stages: Stopwatch = field(default_factory=Stopwatch)
+    motion: Motion | None = None
+
+    def force(self, t: float) -> BodyForce:
+        """Return gravity and fictitious accelerations at the time t [s]."""
+        return body_force(self.gravity, self.motion, t)

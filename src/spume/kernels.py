@@ -77,6 +77,11 @@ def worthwhile_threads(rows: int) -> int:
     return available_threads() if rows > 12_000 else 1
 
 
+def light(rows: int) -> bool:
+    """Return whether a loop of few operations a row runs faster on one thread than through the thread pool."""
+    return runtime().serial or (runtime().device == "cpu" and rows < 50_000)
+
+
 def initialize(device: str | None = None, threads: int | None = None, precision: str = "double") -> Runtime:
     """Choose device, threads and precision; return what was chosen.
 

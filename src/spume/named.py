@@ -6,6 +6,7 @@ import difflib
 import importlib
 import importlib.metadata
 import importlib.resources
+import math
 import pkgutil
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
@@ -65,18 +66,23 @@ class Parameters(BaseModel):
             return value
         keys = list(cls.model_fields)
         known = {key: cls._completed(key, _tuples(item)) for key, item in value.items() if key in keys}
-        if len(known) == len(value):
+        errors = [
+            InitErrorDetails(type=_BEYOND, loc=loc, input=number)
+            for key, item in known.items()
+            for loc, number in _beyond(item, (key,))
+        ]
+        if len(known) == len(value) and not errors:
             return known
-        errors: list[InitErrorDetails] = []
-        meant: set[str] = set()
+        known = {key: item for key, item in known.items() if not any(error["loc"][0] == key for error in errors)}
+        meant = {str(error["loc"][0]) for error in errors}
         for key in value:
-            if key not in known:
+            if key not in keys:
                 near = nearest_match(str(key), keys)
                 meant.update(k for k in keys if near.endswith(f"{k!r}?"))
                 message = f"no such key; allowed: {', '.join(keys) or '(none)'}{near}"
                 error = PydanticCustomError("unknown_key", "{message}", {"message": message})
                 errors.append(InitErrorDetails(type=error, loc=(key,), input=value[key]))
-        try:  # one misspelt key must not hide what else is wrong
+        try:  # one mistake must not hide what else is wrong
             cls.model_validate(known, context=info.context)
         except ValidationError as others:
             for item in others.errors(include_url=False):
@@ -94,6 +100,22 @@ class Parameters(BaseModel):
         if isinstance(item, Mapping) and isinstance(default, Scheme) and default.selector not in item:
             return {default.selector: default.key, **item}
         return item
+
+
+SMALLEST, LARGEST = 1e-100, 1e18
+"""Size of a parameter that is not zero: squares and cubes of what is beyond are no longer numbers."""
+_BEYOND = PydanticCustomError(
+    "beyond", "must be 0 or of a size from {low} to {high}", {"low": f"{SMALLEST:g}", "high": f"{LARGEST:g}"}
+)
+
+
+def _beyond(item: Any, loc: Location) -> Iterator[tuple[Location, Any]]:
+    """Yield place and value of the finite numbers of a list of lists that are too large or too small."""
+    if isinstance(item, tuple):
+        for index, part in enumerate(item):
+            yield from _beyond(part, (*loc, index))
+    elif isinstance(item, int | float) and (LARGEST < abs(item) < math.inf or 0.0 < abs(item) < SMALLEST):
+        yield loc, item
 
 
 def _tuples(value: Any) -> Any:
@@ -184,11 +206,21 @@ class Scheme(Parameters):
             return value
         table = cls.shorthand(value)
         if not isinstance(table, Mapping) or not isinstance(table.get(cls.selector), str):
-            raise PydanticCustomError(
+            form = PydanticCustomError(
                 "scheme_form",
                 "a {family} by name, or a table with its {selector} and parameters; names: {choices}",
                 {"family": cls.family, "selector": cls.selector, "choices": _choices(cls.family)},
             )
+            given = cls.selector if isinstance(table, Mapping) and cls.selector in table else None
+            if given is None and isinstance(table, Mapping):
+                given = next((key for key in table if nearest_match(str(key), [cls.selector])), None)
+            if given is None:
+                raise form
+            if given != cls.selector:
+                words = {"message": f"no such key{nearest_match(str(given), [cls.selector])}"}
+                form = PydanticCustomError("unknown_key", "{message}", words)
+            details = InitErrorDetails(type=form, loc=(given,), input=table[given])
+            raise ValidationError.from_exception_data(cls.__name__, [details])
         try:
             scheme = find(cls.family, table[cls.selector])
         except PydanticCustomError as error:
@@ -225,7 +257,7 @@ def schemes(family: str | None = None) -> Iterator[type[Scheme]]:
         yield from (known for _, known in sorted(_registry.get(key, {}).items()))
 
 
-_FOLDERS = ("schemes", "steps", "pressure", "wall_models", "bodies", "geometry", "initial", "outputs")
+_FOLDERS = ("schemes", "motion", "steps", "pressure", "wall_models", "bodies", "geometry", "initial", "outputs")
 
 
 def load_all() -> None:
@@ -275,8 +307,12 @@ def _read_path(value: Any, info: ValidationInfo) -> Path:
         raise PydanticCustomError("file_form", "must be the path of a file, as text")
     folder = Path((info.context or {}).get("folder") or ".")
     for path in (folder / value, CASES / value):
-        if path.is_file():
-            return path.absolute()
+        try:
+            if path.is_file():
+                return path.absolute()
+        except OSError as error:  # a name that no file can have
+            why = {"why": str(error.strerror)}
+            raise PydanticCustomError("file_form", "must be the path of a file: {why}", why) from None
     raise PydanticCustomError(
         "file_missing",
         "no such file in {folder}, the folder of the case file, nor among the built-in cases",

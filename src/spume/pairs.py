@@ -195,12 +195,19 @@ def row_map(
     rows: int = FLUID,
     arguments: Sequence[float] = (),
     fields: Mapping[str, str] | None = None,
+    dry: bool = False,
 ) -> None:
-    """Write one term per row of the given kinds; ``arguments`` follow ``a``, ``fields`` as in ``pair_sum``."""
+    """Write one term per row of the given kinds; ``arguments`` follow ``a``, ``fields`` as in ``pair_sum``.
+
+    Solid rows that no fluid is near are left out, unless ``dry`` asks for them.
+    """
+    count = particles.count if dry else particles.active
     behind = fields or {}
-    kernel = _row_kernel(term, out, rows, _signature(particles, (*term.reads, out), behind), len(arguments))
+    signature = _signature(particles, (*term.reads, out), behind)
+    kernel = _row_kernel(term, out, rows, signature, len(arguments), kernels.light(count))
     inputs = [particles[behind.get(n, n)] for n in term.reads]
-    kernel(particles["kind"], *inputs, particles[out], particles.count, *arguments)
+    kernel(particles["kind"], *inputs, particles[out], count, *arguments)
+    particles.traffic += count * particles.row_bytes(("kind", *(behind.get(n, n) for n in term.reads), out))
     particles.written(out)
 
 
@@ -234,17 +241,21 @@ def _reduce(
     reads = tuple(dict.fromkeys([*(n for t in terms for n in t.reads), *seen]))
     behind = fields or {}
     signature = _signature(particles, (*reads, *outs), behind)
+    list_ = pairs.list
     kernel = _pair_kernel(
         operation, terms, outs, signature, weight.function(), rows, over,
         particles.dimension, pairs.periodic, len(arguments), view.formula if view else None, reads,
         view.value if view else "", len(view.arguments) if view else 0,
+        over != ANY or view is not None or re < 0.75 * list_.radius,
     )  # fmt: skip
-    list_ = pairs.list
     kernel(
         particles["position"], particles["kind"], list_.start, list_.length, list_.neighbour,
         *[particles[behind.get(n, n)] for n in reads], *[particles[n] for n in outs],
-        particles.count, re, *list_.period, *arguments, *(view.arguments if view else ()),
+        particles.active, re, *list_.period, *arguments, *(view.arguments if view else ()),
     )  # fmt: skip
+    touched = ("position", "kind", *(behind.get(n, n) for n in reads), *outs)
+    particles.traffic += particles.active * (12 + particles.row_bytes(touched))
+    particles.visits += 1
     particles.written(*outs)
 
 
@@ -278,8 +289,9 @@ def _pair_kernel(
     reads: tuple[str, ...],
     viewed: str,
     n_view_arguments: int,
+    selective: bool,
 ) -> Any:
-    """Generate the loop over rows and neighbours for a set of terms."""
+    """Generate the loop over rows and neighbours for a set of terms; ``selective`` if it leaves out many pairs."""
     Row, loading = load(signature, reads)
     types = {n: kernels.value_type(shape, integer) for n, shape, integer in signature}
     arguments = [f"argument{k}" for k in range(n_arguments)]
@@ -303,7 +315,7 @@ def _pair_kernel(
     seeing = [f"b.{viewed} = view(a, b, r{''.join(', ' + a for a in view_arguments)})"] if view else []
     scope["view"] = view
 
-    begin, combine, end = [], [], []
+    begin, combine, skipped, end = [], [], [], []
     for k, (term, out) in enumerate(zip(terms, outs, strict=True)):
         scope[f"term{k}"], scope[f"finish{k}"] = term.formula, term.finish
         zero = types[out]
@@ -313,12 +325,25 @@ def _pair_kernel(
             # A scalar cast makes the accumulator's type that of the field, whatever the term returns.
             begin.append(f"s{k} = qd.cast(0, real)" if shape == () else f"s{k} = Value{k}(0.0)")
             combine.append(f"s{k} += term{k}(a, b, r, w{more})")
+            skipped.append(f"s{k} += qd.select(near, term{k}(a, b, r, w{more}), 0)")
         else:
             begin.append(f"s{k} = qd.cast({'' if operation == 'min' else '-'}infinity, real)")
             combine.append(f"s{k} = qd.{operation}(s{k}, term{k}(a, b, r, w{more}))")
         value = f"s{k}" if term.finish is None else f"finish{k}(a, s{k}{more})"
         end.append(f"out_{out}[i] = {value}")
     scope["infinity"] = float(np.finfo(kernels.runtime().dtype).max)
+    evaluate = [f"b = {loading.format(row='j')}", *seeing, "w = weight(qd.sqrt(rr), re)"]
+    distance = ["r = position[j] - x", *minimum_image(periodic), "rr = r.dot(r)"]
+    if selective or operation != "sum":
+        body = [
+            f"if kind[j] & {over} != 0:",
+            *[f"    {line}" for line in distance],
+            "    if rr < re * re:",
+            *[f"        {line}" for line in (*evaluate, *combine)],
+        ]
+    else:
+        # Nearly every pair counts. Without a branch the loop becomes vector instructions, up to 1.5 times as fast.
+        body = [*distance, "near = rr < re * re", *evaluate, *skipped]
     lines = [
         f"def pair_{operation}({', '.join(parameters)}):",
         "    qd.loop_config(serialize=serial)",
@@ -330,28 +355,20 @@ def _pair_kernel(
         "            x = position[i]",
         "            for k in range(length[i]):",
         "                j = neighbour[first + k]",
-        f"                if kind[j] & {over} != 0:" if over != ANY else "                if True:",
-        "                    r = position[j] - x",
-        *[f"                    {line}" for line in minimum_image(periodic)],
-        "                    rr = r.dot(r)",
-        "                    if rr < re * re:",
-        f"                        b = {loading.format(row='j')}",
-        *[f"                        {line}" for line in seeing],
-        "                        w = weight(qd.sqrt(rr), re)",
-        *[f"                        {line}" for line in combine],
+        *[f"                {line}" for line in body],
         *[f"            {line}" for line in end],
     ]
     return kernels.compiled(f"pair_{operation}", "\n".join(lines) + "\n", **scope)
 
 
 @kernels.cached
-def _row_kernel(term: RowTerm, out: str, rows: int, signature: Signature, n_arguments: int) -> Any:
+def _row_kernel(term: RowTerm, out: str, rows: int, signature: Signature, n_arguments: int, serial: bool) -> Any:
     """Generate the loop over rows for a row term."""
     Row, loading = load(signature, term.reads)
     types = {n: kernels.value_type(shape, integer) for n, shape, integer in signature}
     arguments = [f"argument{k}" for k in range(n_arguments)]
     scope: dict[str, Any] = {
-        "Row": Row, "term": term.formula, "real": kernels.runtime().real, "serial": kernels.runtime().serial,
+        "Row": Row, "term": term.formula, "real": kernels.runtime().real, "serial": serial,
         "Rows": kernels.array_type(kernels.i32), "Out": kernels.array_type(types[out]),
     }  # fmt: skip
     parameters = ["kind: Rows"]

@@ -1,7 +1,8 @@
 """The particle table: every row that touches the water, one array per field."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -67,6 +68,8 @@ BASE_FIELDS = (
     Field("id", (), "1", "stable number of the particle", int, output=True, constant=True, restart=True),
     Field("free_surface", (), "1", "1 on the free surface", int, output=True, restart=True),
     Field("to_surface", ("d",), "m", "solid rows: vector to the nearest point of the wetted surface", restart=True),
+    Field("dry", (), "1", "1 for solid rows that no fluid is near: they take no part", int, restart=True),
+    Field("face_area", (), "m^(d-1)", "wall rows: area of the surface that the row has", constant=True, restart=True),
     Field("master", (), "1", "dummy rows: id of the wall row that they copy", int, constant=True, restart=True),
 )  # fmt: skip
 
@@ -81,19 +84,40 @@ class Particles:
         spacing: l0 [m].
         fields: fields beyond the base fields.
         capacity: rows to make room for; the table grows by doubling.
+
+    Attributes:
+        count: rows of the table.
+        active: rows that take part in the steps; those behind them are solid and dry (see ``part``).
+        changed: rows came or went since the neighbours were searched.
+        traffic: bytes that loops over rows moved at least since the table was made: each value once.
+        visits: how often loops walked the lists of neighbours of the active rows.
+        bodies: labels of the bodies, in the order of the field ``body``.
     """
 
-    def __init__(self, dimension: int, spacing: float, fields: Iterable[Field] = (), capacity: int = 1024) -> None:
+    def __init__(
+        self,
+        dimension: int,
+        spacing: float,
+        fields: Iterable[Field] = (),
+        capacity: int = 1024,
+        bodies: Sequence[str] = (),
+    ) -> None:
         self.dimension = dimension
         self.spacing = spacing
+        self.bodies = tuple(bodies)
         self.count = 0
         self.capacity = max(int(capacity), 1)
+        self.active = 0
+        self.traffic = 0
+        self.visits = 0
         self.changed = True
+        self._parted = False
         self.fields: dict[str, Field] = {}
         self._arrays: dict[str, Any] = {}
         self._spares: dict[Any, Any] = {}
         self._next_id = 0
         self._row_of_id: Any = None
+        self._row_of_id_valid = False
         self._partial: Any = None
         self._writes: dict[str, int] = {}
         self._origin: dict[str, tuple[Any, ...]] = {}
@@ -132,6 +156,14 @@ class Particles:
     def keeps(self, name: str, recipe: tuple[Any, ...], made_of: tuple[str, ...]) -> bool:
         """Return whether a field still holds what ``recipe`` made of fields that nobody has written since."""
         return self._origin.get(name) == (recipe, *(self._writes.get(n, 0) for n in made_of))
+
+    def row_bytes(self, names: Iterable[str]) -> int:
+        """Return the memory of some fields of one row [bytes]."""
+        real = kernels.runtime().dtype().itemsize
+        return sum(
+            (4 if self.fields[n].dtype is int else real) * prod(self.fields[n].value_shape(self.dimension))
+            for n in names
+        )
 
     def value_type(self, name: str) -> Any:
         """Return the kernel language's type of one value of a field."""
@@ -183,6 +215,8 @@ class Particles:
             full[self.count : self.count + new] = values
             kernels.publish(self._arrays[name], full)
         self.count += new
+        self.active = self.count
+        self._row_of_id_valid = False
         self._next_id = max(self._next_id + new, int(self.numpy("id").max()) + 1)
         self.changed = True
         self.written()
@@ -197,9 +231,32 @@ class Particles:
             full[: self.count - gone] = full[: self.count][~rows]
             kernels.publish(self._arrays[name], full)
         self.count -= gone
+        self.active = self.count
+        self._row_of_id_valid = False
         self.changed = True
         self.written()
         return gone
+
+    def replace(self, values: Mapping[str, NDArray[Any]], next_id: int) -> None:
+        """Make these the rows of the table, in this order; fields that are not given keep what they hold.
+
+        Args:
+            values: field name to values of shape (count, *shape), ``position`` among them, as `numpy` gave them.
+            next_id: number of the next row that is inserted.
+        """
+        self.count = len(values["position"])
+        self._grow(self.count)
+        for name, rows in values.items():
+            self.set(name, rows)
+        self._next_id = next_id
+        self.active = self.count
+        self._row_of_id_valid = False
+        self.changed = True
+
+    @property
+    def next_id(self) -> int:
+        """Number of the next row that is inserted without one."""
+        return self._next_id
 
     def reorder(self, order: Any) -> None:
         """Gather every restart field by ``order`` (device array of row numbers, int32)."""
@@ -210,16 +267,36 @@ class Particles:
                 if spare is None:
                     spare = kernels.array(self._type(field), self.capacity)
                 source = self._arrays[name]
-                _gather_kernel(*kind)(source, order, spare, self.count)
+                _gather_kernel(*kind, kernels.light(self.count))(source, order, spare, self.count)
                 self._arrays[name] = spare
                 self._spares[kind] = source
         self.written()
+
+                self.traffic += self.count * (4 + 2 * self.row_bytes([name]))
+        self._row_of_id_valid = False
+
+    def part(self, active: int) -> None:
+        """Let only the first ``active`` rows take part in the steps; the rows behind are solid and dry.
+
+        A row that has become dry loses its pressure and all that a step computes for it.
+        """
+        self.active = active
+        if active == self.count and not self._parted:
+            return
+        self._parted = active < self.count
+        lost = [n for n, f in self.fields.items() if not f.restart or n in ("pressure", "pressure_gradient")]
+        signature = tuple((n, self.fields[n].value_shape(self.dimension), self.fields[n].dtype is int) for n in lost)
+        initial = tuple(float(self.fields[n].initial) for n in lost)
+        _part_kernel(signature, initial)(self["dry"], *[self[n] for n in lost], active, self.count)
 
     def rows_by_id(self) -> Any:
         """Return a device array that holds the present row number of each id."""
         if self._row_of_id is None or self._row_of_id.shape[0] < self._next_id:
             self._row_of_id = kernels.array(kernels.i32, 2 * self._next_id)
-        _invert_kernel()(self["id"], self._row_of_id, self.count)
+            self._row_of_id_valid = False
+        if not self._row_of_id_valid:
+            _invert_kernel(kernels.light(self.count))(self["id"], self._row_of_id, self.count)
+            self._row_of_id_valid = True
         return self._row_of_id
 
     def largest_norm(self, name: str, rows: int = ANY) -> float:
@@ -262,10 +339,34 @@ class Particles:
 
 
 @kernels.cached
-def _gather_kernel(shape: tuple[int, ...], integer: bool) -> Any:
+def _part_kernel(signature: tuple[tuple[str, tuple[int, ...], bool], ...], initial: tuple[float, ...]) -> Any:
+    """Generate the loop that resets rows which have become dry."""
+    scope: dict[str, Any] = {"Rows": kernels.array_type(kernels.i32)}
+    parameters, resets = ["dry: Rows"], []
+    for (name, shape, integer), value in zip(signature, initial, strict=True):
+        kind = kernels.value_type(shape, integer)
+        scope[f"In_{name}"], scope[f"Value_{name}"] = kernels.array_type(kind), kind
+        parameters.append(f"in_{name}: In_{name}")
+        number = repr(int(value) if integer else value)
+        resets.append(f"in_{name}[i] = {number if shape == () else f'Value_{name}({number})'}")
+    lines = [
+        f"def part({', '.join(parameters)}, active: qd.i32, count: qd.i32):",
+        "    qd.loop_config(serialize=True)",
+        "    for i in range(active):",
+        "        dry[i] = 0",
+        "    qd.loop_config(serialize=True)",
+        "    for i in range(active, count):",
+        "        if dry[i] == 0:",
+        "            dry[i] = 1",
+        *[f"            {line}" for line in resets],
+    ]
+    return kernels.compiled("part", "\n".join(lines) + "\n", **scope)
+
+
+@kernels.cached
+def _gather_kernel(shape: tuple[int, ...], integer: bool, serial: bool) -> Any:
     Values = kernels.array_type(kernels.value_type(shape, integer))
     Rows = kernels.array_type(kernels.i32)
-    serial = kernels.runtime().serial
     qd = kernels.qd
 
     @kernels.kernel
@@ -278,9 +379,8 @@ def _gather_kernel(shape: tuple[int, ...], integer: bool) -> Any:
 
 
 @kernels.cached
-def _invert_kernel() -> Any:
+def _invert_kernel(serial: bool) -> Any:
     Rows = kernels.array_type(kernels.i32)
-    serial = kernels.runtime().serial
     qd = kernels.qd
 
     @kernels.kernel

@@ -14,6 +14,7 @@ from spume.toml import literal
 
 _LONGEST_VALUE = 60
 _ABSENT = object()
+_LABELS = ("name", "kind")
 
 
 @dataclass(frozen=True)
@@ -70,9 +71,16 @@ class Origin:
         return 0
 
     def problem(self, loc: Location, message: str, value: Any = _ABSENT) -> Problem:
-        """Return a mistake at a key; where the key is absent, the line of the table that lacks it."""
+        """Return a mistake at a key; where the key is absent, the line of the table that lacks it.
+
+        Without a value, a mistake of a whole table stands at that of its keys which the message names first.
+        """
         if value is _ABSENT:
             value = self.value(loc)
+            if isinstance(value, Mapping):
+                words = re.findall(r"[a-z_]+", message)
+                meant = next((word for word in words if word in value and word not in _LABELS), None)
+                loc, value = (loc, value) if meant is None else ((*loc, meant), value[meant])
         return Problem(self.where(loc), self.name(loc), shown(value), message)
 
     def where(self, loc: Location) -> str:
@@ -109,6 +117,8 @@ class Origin:
         for item in error.errors(include_url=False):
             loc = tuple(item["loc"])
             value = None if item["type"] == "missing" else item["input"]
+            if item["type"] == "value_error":  # of a table as a whole
+                value = _ABSENT
             found.append((self._order(loc), self.problem(loc, _message(item), value)))
         return [problem for _, problem in sorted(found, key=lambda pair: pair[0])]
 

@@ -7,27 +7,35 @@ import os
 import signal
 import threading
 import time as wall
+import tomllib
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spume.build import build
-from spume.case import Case
-from spume.outputs import outputs_of
-from spume.particles import FLUID
-from spume.schemes.gradient.base import tension_bearing
+from spume.case import Case, load
+from spume.outputs import Outputs, outputs_of
+from spume.outputs.disk import replace_text
+from spume.progress import Progress
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from spume.outputs.checkpoint import Saved
     from spume.simulation import Simulation
 
 log = logging.getLogger("spume")
 
 FINISHED, INTERRUPTED, FAILED = "finished", "interrupted", "failed"
+
+CHANGEABLE = (
+    "time.end", "time.courant", "time.step_max", "output.checkpoint_interval", "output.pictures", "output.animation",
+    "output.colour", "output.colour_range", "output.map", "output.view", "device", "threads", "title",
+)  # fmt: skip
+"""Keys that a run may change when it is continued: none of them says what is simulated or what a file holds."""
 
 
 class FolderExistsError(FileExistsError):
@@ -43,10 +51,13 @@ class Run:
         simulation: the simulation, between two steps.
         folder: the run folder.
         status: ``running``, then ``finished``, ``interrupted`` or ``failed``.
-        reason: why it failed.
+        reason: why it failed or was interrupted.
+        failure: where and why it failed, as numbers and text.
         device, threads, precision: what the kernels run on.
         case_folder: where files that the case names are; they are absolute already.
         console: where outputs print.
+        whole: whether the state is that between two steps; false after an error within one.
+        hurried: whether the machine is wanted for something else: no pictures are drawn.
     """
 
     case: Case
@@ -59,6 +70,9 @@ class Run:
     precision: str = ""
     case_folder: Path | None = None
     console: Any = field(default=None, repr=False)
+    failure: dict[str, Any] | None = None
+    whole: bool = True
+    hurried: bool = False
 
 
 def run_folder(name: str, parent: Path | None = None) -> Path:
@@ -94,6 +108,7 @@ def run(
     threads: int | None = None,
     precision: str | None = None,
     console: Console | None = None,
+    max_wall_time: float | None = None,
 ) -> Run:
     """Run a case to its end and write its results.
 
@@ -103,47 +118,121 @@ def run(
             case file (``case`` without one) in the current folder.
         device, threads, precision: override the case's.
         console: where progress is shown; default: nowhere.
+        max_wall_time: wall time [s] before whose end the run writes a checkpoint and stops.
 
     Returns:
-        The run, whose ``status`` says how it ended: SIGINT and SIGTERM end it after the current step.
+        The run, whose ``status`` says how it ended: SIGINT, SIGTERM and the end of the wall time end it
+        after the current step; `resume` continues it.
 
     Raises:
         CaseError: the case cannot be set up.
         FolderExistsError: the folder holds something.
         Diverged: the simulation failed; what was computed until then is written.
+        NotWritten: results cannot be written (a full disk); the last checkpoint is intact.
     """
-    from spume import kernels
-    from spume.simulation import Diverged
-
+    limit = _Limit(max_wall_time)
     simulation = build(case, device, threads, precision)
-    runtime = kernels.runtime()
     folder = run_folder(case.origin.label or "case") if folder is None else Path(folder)
     make_folder(folder)
-    (folder / "case.toml").write_text(case.to_toml(), encoding="utf-8")
-    this = Run(
-        case,
-        simulation,
-        folder,
-        device=runtime.device,
-        threads=runtime.threads,
-        precision=runtime.precision,
-        console=console,
-    )
+    replace_text(folder / "case.toml", case.to_toml())
+    this = _described(case, simulation, folder, console)
     outputs = outputs_of(case)
-    progress = Progress(console, case.time.end)
-    clipping = Clipping()
+    return _loop(this, outputs, limit, lambda: outputs.start(this))
+
+
+def resume(
+    folder: str | os.PathLike[str],
+    overrides: Sequence[str] = (),
+    *,
+    device: str | None = None,
+    threads: int | None = None,
+    console: Console | None = None,
+    max_wall_time: float | None = None,
+) -> Run:
+    """Continue a run from its last checkpoint: on the same device and threads as if it had not been interrupted.
+
+    What was written after the checkpoint is dropped and computed again. A finished run goes on where it ended
+    if `overrides` say ``time.end=...``.
+
+    Args:
+        folder: the run folder.
+        overrides: ``"time.end=2.0"``: keys to replace, of those in ``CHANGEABLE``.
+        device, threads: default: what the run was computed on.
+        console, max_wall_time: see `run`.
+
+    Raises:
+        CaseError: no checkpoint, a damaged one, one of another version, a key that cannot be changed, a
+            finished run; the message gives the remedy.
+        Diverged, NotWritten: see `run`.
+    """
+    from spume.outputs import checkpoint, summary
+
+    limit = _Limit(max_wall_time)
+    folder = Path(folder)
+    saved = checkpoint.read(folder)
+    case = load(folder / "case.toml", overrides)
+    _check_changes(case, saved, folder)
+    if saved.time >= case.time.end * (1.0 - 1e-12):
+        before = folder / summary.FILE
+        if overrides or not before.exists() or summary.read(folder)["status"] == FINISHED:
+            raise checkpoint.CheckpointError(
+                folder,
+                f"this run is finished, at t = {saved.time:g} s; to go on: spume run --resume {folder} "
+                f"--set time.end={2.0 * saved.time:g}",
+            )
+    simulation = build(case, device or saved.device, threads or _same_threads(saved), saved.precision)
+    try:
+        simulation.restore(saved.arrays, saved.numbers)
+    except (KeyError, ValueError, TypeError) as error:
+        raise checkpoint.CheckpointError(
+            folder / checkpoint.FILE, f"does not fit the case ({error}); start it again: spume run {folder}/case.toml"
+        ) from error
+    if overrides:
+        replace_text(folder / "case.toml", case.to_toml())
+    this = _described(case, simulation, folder, console)
+    _warn_of_differences(this, saved)
+    log.info("continuing %s after step %d, t = %.6g s", folder, saved.step, saved.time)
+    outputs = outputs_of(case)
+    return _loop(this, outputs, limit, lambda: outputs.resume(this, saved.outputs))
+
+
+def _described(case: Case, simulation: Simulation, folder: Path, console: Console | None) -> Run:
+    from spume import kernels
+
+    on = kernels.runtime()
+    return Run(
+        case, simulation, folder, device=on.device, threads=on.threads, precision=on.precision, console=console
+    )  # fmt: skip
+
+
+def _loop(this: Run, outputs: Outputs, limit: _Limit, begin: Any) -> Run:
+    """Advance to the end, to an interruption or to a failure; tell the outputs."""
+    from spume.outputs.disk import NotWritten
+    from spume.simulation import Diverged
+
+    simulation = this.simulation
+    progress = Progress(this.console, this.case.time.end)
     with _stop_requested() as stop, progress:
         try:
-            outputs.start(this)
-            while not simulation.done and not stop():
+            begin()
+            while not simulation.done and not stop.requested:
+                if limit.near(getattr(outputs.checkpoint, "seconds", 0.0)):
+                    stop.now(f"the wall time of {limit.seconds:g} s is used up")
+                    break
                 simulation.advance()
-                clipping.watch(simulation)
                 outputs.after_step(this)
+                limit.step()
                 progress.step(simulation)
             this.status = FINISHED if simulation.done else INTERRUPTED
+            if this.status == INTERRUPTED:
+                this.reason, this.hurried = stop.reason, stop.hurried
         except BaseException as error:
-            this.status = INTERRUPTED if isinstance(error, KeyboardInterrupt) else FAILED
-            this.reason = str(error) if isinstance(error, Diverged) else f"{type(error).__name__}: {error}"
+            outside = isinstance(error, KeyboardInterrupt | NotWritten)
+            this.status, this.whole = INTERRUPTED if outside else FAILED, False
+            plain = isinstance(error, Diverged | NotWritten)
+            this.reason = str(error) if plain else f"{type(error).__name__}: {error}".rstrip(": ")
+            this.failure = getattr(error, "details", None) or None
+            this.hurried = outside
             progress.close()
             try:  # what was computed until then
                 outputs.finish(this)
@@ -155,137 +244,124 @@ def run(
     return this
 
 
+# ------------------------------------------------------------------------------------ continuing a run
+
+
+def _same_threads(saved: Saved) -> int:
+    from spume import kernels
+
+    return min(saved.threads, kernels.available_threads())
+
+
+def _warn_of_differences(this: Run, saved: Saved) -> None:
+    from spume.outputs.frames import _version
+
+    for name, was, now in (
+        ("device", saved.device, this.device),
+        ("threads", saved.threads, this.threads),
+        ("version of Spume", saved.version, _version()),
+    ):
+        if was != now:
+            log.warning("%s was %s, is %s: the run goes on, but not bit by bit as it would have", name, was, now)
+
+
+def _check_changes(case: Case, saved: Saved, folder: Path) -> None:
+    """Refuse a case that differs from the one that was saved in more than a continued run may change."""
+    from spume.outputs.checkpoint import CheckpointError
+
+    before = dict(_flat(tomllib.loads(saved.case)))
+    now = dict(_flat(tomllib.loads(case.to_toml())))
+    for key in dict.fromkeys((*before, *now)):
+        if before.get(key) != now.get(key) and not any(key == k or key.startswith(k + ".") for k in CHANGEABLE):
+            given = f"{key} = {now[key]!r}" if key in now else key
+            was = repr(before[key]) if key in before else "not given"
+            raise CheckpointError(
+                f"{folder / 'case.toml'} or --set",
+                f"{given}: was {was} when the checkpoint was written; a run that is continued may change only "
+                f"{', '.join(CHANGEABLE)}. For another case start another run",
+            )
+
+
+def _flat(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield dotted key and value of everything in a table."""
+    if isinstance(value, Mapping):
+        for name, item in value.items():
+            yield from _flat(item, f"{key}.{name}" if key else str(name))
+    elif isinstance(value, list) and any(isinstance(item, Mapping) for item in value):
+        for index, item in enumerate(value):
+            yield from _flat(item, f"{key}.{index}")
+    else:
+        yield key, value
+
+
+# --------------------------------------------------------------------------------------- stopping a run
+
+
+class _Limit:
+    """The wall time that a run may take: near is when what the end needs would not fit in any more.
+
+    The end needs a step and a checkpoint, each counted twice, and a twentieth of the limit (at most a minute) for
+    everything else: starting the program, closing files.
+    """
+
+    def __init__(self, seconds: float | None) -> None:
+        self.seconds = seconds
+        self._begin = self._last = wall.monotonic()
+        self._steps: deque[float] = deque(maxlen=50)
+
+    def step(self) -> None:
+        """Count a step and its outputs."""
+        now = wall.monotonic()
+        self._steps.append(now - self._last)
+        self._last = now
+
+    def near(self, checkpoint: float) -> bool:
+        """Return whether to stop now; `checkpoint` is the wall time of one [s]."""
+        if self.seconds is None:
+            return False
+        if not self._steps:
+            self._last = wall.monotonic()  # what came before the first step is no part of it
+        needed = 2.0 * (max(self._steps, default=0.0) + checkpoint) + min(60.0, 0.05 * self.seconds)
+        return wall.monotonic() - self._begin + needed >= self.seconds
+
+
+@dataclass
+class _Stop:
+    """Whether, why and how quickly a run is to stop after its step."""
+
+    requested: bool = False
+    reason: str = ""
+    hurried: bool = False
+
+    def now(self, reason: str, hurried: bool = True) -> None:
+        self.requested, self.reason, self.hurried = True, reason, hurried
+
+
+_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
+
+
 @contextmanager
-def _stop_requested() -> Iterator[Callable[[], bool]]:
-    """Yield a function that says whether SIGINT or SIGTERM arrived; a second one interrupts at once."""
-    requested = False
+def _stop_requested() -> Iterator[_Stop]:
+    """Yield what says whether one of the signals arrived that ask to stop; a second one interrupts at once."""
+    stop = _Stop()
 
     def request(number: int, frame: Any) -> None:
-        nonlocal requested
-        if requested:
+        if stop.requested:
             raise KeyboardInterrupt
-        requested = True
+        name = signal.Signals(number).name
+        stop.now(f"stopped by {name}", hurried=name != "SIGINT")
         log.warning("stopping after this step; interrupt again to stop at once")
 
     if threading.current_thread() is not threading.main_thread():  # signals belong to the main thread
-        yield lambda: False
+        yield stop
         return
-    before = {number: signal.signal(number, request) for number in (signal.SIGINT, signal.SIGTERM)}
+    numbers = [getattr(signal, name) for name in _SIGNALS if hasattr(signal, name)]
+    # What the shell told the program to ignore (nohup) is ignored.
+    before = {n: signal.getsignal(n) for n in numbers if signal.getsignal(n) is not signal.SIG_IGN}
+    for number in before:
+        signal.signal(number, request)
     try:
-        yield lambda: requested
+        yield stop
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-class Clipping:
-    """Warns, once in a run, that many pressures inside the fluid are negative and set to zero."""
-
-    bar = 0.01
-    """Part of the rows inside the fluid, in one step, above which it warns [1]."""
-
-    def __init__(self) -> None:
-        self.warned = False
-
-    def watch(self, simulation: Any) -> None:
-        """Look at the step that was done."""
-        clipped = simulation.statistics.get("clipped", 0)
-        if self.warned or not clipped:
-            return
-        fluid = (simulation.fetch("kind") & FLUID) != 0
-        inside = max(int((simulation.fetch("free_surface")[fluid] == 0).sum()), 1)
-        if clipped > self.bar * inside:
-            self.warned = True
-            log.warning(
-                "step %d: the pressure of %d of %d particles inside the fluid (%.1f %%) was negative and set to zero, "
-                "which is a force that the flow does not have: set step.negative_pressure = true with a gradient "
-                "that bears tension (%s), or expect noise; log.csv counts them (said once)",
-                simulation.step_index, clipped, inside, 100.0 * clipped / inside, ", ".join(tension_bearing()),
-            )  # fmt: skip
-
-
-class Progress:
-    """Shows how far a run is: a bar in a terminal, a short line for every tenth otherwise.
-
-    The time left is the simulated time left over the speed of the last minute (simulated seconds per
-    second of wall time), outputs included; nothing is said before five steps, which compile kernels.
-
-    Args:
-        console: where to show it; None: nowhere.
-        end: time at which the run ends [s].
-    """
-
-    def __init__(self, console: Console | None, end: float) -> None:
-        self.console = console
-        self.end = end
-        self._bar: Any = None
-        self._task: Any = None
-        self._history: deque[tuple[float, float]] = deque()
-        self._steps = 0
-        self._tenth = 0
-        self._shown = 0.0
-
-    def __enter__(self) -> Progress:
-        if self.console is not None and self.console.is_terminal:
-            from rich.progress import BarColumn, TextColumn
-            from rich.progress import Progress as Bar
-
-            text = TextColumn("{task.fields[figures]}")
-            self._bar = Bar(BarColumn(), TextColumn("{task.percentage:>3.0f} %"), text, console=self.console)
-            self._task = self._bar.add_task("", total=self.end, figures="compiling kernels …")
-            self._bar.start()
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Take the bar away, so that others may print."""
-        if self._bar is not None:
-            self._bar.stop()
-            self._bar = None
-
-    def step(self, simulation: Any) -> None:
-        """Tell of a step."""
-        self._steps += 1
-        now = wall.monotonic()
-        if self._steps > 4:
-            self._history.append((now, simulation.time))
-            while now - self._history[0][0] > 60.0 and len(self._history) > 2:
-                self._history.popleft()
-        if self.console is None:
-            return
-        if self._bar is not None:
-            if now - self._shown > 0.1:
-                self._shown = now
-                self._bar.update(self._task, completed=simulation.time, figures=self.figures(simulation))
-            return
-        tenth = int(10.0 * simulation.time / self.end + 1e-9)
-        if tenth > self._tenth:
-            self._tenth = tenth
-            self.console.print(f"{10 * tenth:3d} %  {self.figures(simulation)}", highlight=False)
-
-    def figures(self, simulation: Any) -> str:
-        """Return simulated time, step, iterations and time left as one line."""
-        iterations = simulation.statistics.get("iterations", 0)
-        text = f"t = {simulation.time:.4g} / {self.end:g} s, dt = {simulation.dt:.2g} s, "
-        text += f"{iterations:.0f} iterations"
-        left = self.left()
-        return text if left is None else f"{text}, {duration(left)} left"
-
-    def left(self) -> float | None:
-        """Return the wall time [s] that the rest will take; None while that is not known."""
-        if len(self._history) < 5:
-            return None
-        (t0, s0), (t1, s1) = self._history[0], self._history[-1]
-        if s1 <= s0:
-            return None
-        return max(0.0, (self.end - s1) * (t1 - t0) / (s1 - s0))
-
-
-def duration(seconds: float) -> str:
-    """Return a wall time in words: ``48 s``, ``12 min``, ``3 h 20 min``."""
-    if seconds < 90.0:
-        return f"{seconds:.0f} s"
-    minutes = round(seconds / 60.0)
-    return f"{minutes} min" if minutes < 100 else f"{minutes // 60} h {minutes % 60:02d} min"

@@ -4,9 +4,13 @@ A counting sort brings the rows into cell order (x fastest; within a cell by id,
 does not depend on threads). Three neighbouring cells along x are then one contiguous range of rows,
 and the search walks 3 (2D) or 9 (3D) such ranges per row. Lists are written in one pass: a block of
 rows shares a stretch of storage, inside which its lists are packed; the stretch grows when it overflows.
+
+Solid rows that no fluid is near come last in the table, sorted alike: the loops of a step end before them
+(``Particles.active``), so the walls of a large empty tank cost next to nothing.
 """
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -21,10 +25,25 @@ LISTED = FLUID | WALL
 _CELLS_PER_REACH = 1
 """Cells are this many times smaller than the search radius: fewer distance tests, more ranges to walk."""
 
+_WET_REACHES = 2
+"""A solid row is dry, and takes no part, if no fluid lies within this many search radii of it, counted in cells.
+
+A wall row that sees fluid (one radius) has neighbours (another) that must be there for its own sums.
+"""
+
 _WORTH = 3
 """Updates that a list with a skin must serve, at the speed since the last build, for the skin to be used."""
 
 _REDUCTION_BLOCKS = 128
+
+_CROWDED = 20
+"""Lists that are this many times longer than on the regular arrangement are those of rows that fell together."""
+
+_LONGEST_ARRAY = 2**31 - 1
+
+
+class TooManyNeighbours(RuntimeError):
+    """The rows lie so close that no list of neighbours holds them."""
 
 
 class NeighbourList:
@@ -61,6 +80,7 @@ class NeighbourList:
         self.current_skin = skin
         self._updates = 0
         self._home: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+        self._cells_built: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]] | None = None
         self._capacity = 0
         self._cells = 0
         self._slots_per_block = 0
@@ -81,7 +101,11 @@ class NeighbourList:
         return self.build(particles)
 
     def build(self, particles: Particles) -> int:
-        """Sort the rows by cell and build the list; return how many rows were removed."""
+        """Sort the rows by cell and build the list; return how many rows were removed.
+
+        Raises:
+            TooManyNeighbours: rows fell together, so that their lists would not fit.
+        """
         self._reserve(particles)
         low, high = self._wrap_and_bound(particles)
         removed = 0
@@ -91,17 +115,78 @@ class NeighbourList:
             low, high = self._wrap_and_bound(particles)
         if particles.count == 0:
             low = high = self.lower
-        origin, size, shape = self._grid(particles.count, low, high)
-        self._sort(particles, origin, size, shape)
-        while not self._fill(particles, origin, size, shape):
-            self._slots_per_block = int(1.3 * int(kernels.host(self._flag)[0])) + 64
+        self._cells_built = self._grid(particles.count, low, high)
+        self._sort_and_list(particles)
+        self._updates = 0
+        self.builds += 1
+        return removed
+
+    def state(self, particles: Particles) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+        """Return numbers and arrays from which `restore` makes this list again."""
+        numbers: dict[str, Any] = {
+            "lower": self.lower.tolist(),
+            "upper": self.upper.tolist(),
+            "builds": self.builds,
+            "updates": self._updates,
+            "current_skin": self.current_skin,
+            "home": None if self._home is None else [corner.tolist() for corner in self._home],
+            "cells": None,
+        }
+        # Without a skin, and where rows came or went, the next update builds the list from scratch anyway.
+        if not self.builds or self.skin == 0 or particles.changed or self._cells_built is None:
+            return numbers, {}
+        numbers["cells"] = [values.tolist() for values in self._cells_built]
+        return numbers, {"built": np.array(kernels.host(self._built)[: particles.count])}
+
+    def restore(self, particles: Particles, numbers: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Make the list of `state` again: from the positions and the cells of its last build, not the present ones."""
+        self.lower, self.upper = np.array(numbers["lower"]), np.array(numbers["upper"])
+        self.builds, self._updates = int(numbers["builds"]), int(numbers["updates"])
+        self.current_skin = float(numbers["current_skin"])
+        home = numbers["home"]
+        dtype = kernels.runtime().dtype  # rounded otherwise, sums with positions would be others
+        self._home = None if home is None else (np.array(home[0], dtype), np.array(home[1], dtype))
+        particles.changed = True
+        if numbers["cells"] is None:
+            return
+        origin, size, shape = numbers["cells"]
+        self._cells_built = np.array(origin), np.array(size), np.array(shape, dtype=np.int64)
+        present = particles.numpy("position")
+        particles.set("position", arrays["built"])
+        self._reserve(particles)
+        self._sort_and_list(particles)  # the rows are in this order already: by cell, then by id
+        particles.set("position", present)
+
+    def _sort_and_list(self, particles: Particles) -> None:
+        assert self._cells_built is not None
+        self._sort(particles, *self._cells_built)
+        while not self._fill(particles, *self._cells_built):
+            used = int(kernels.host(self._flag)[0])
+            slots = int(1.3 * used) + 64
+            blocks = -(-self._capacity // self._rows_per_block)
+            if used > _CROWDED * self._regular_slots(particles) or blocks * slots > _LONGEST_ARRAY:
+                raise TooManyNeighbours(
+                    f"{used / self._rows_per_block:.0f} neighbours a row, where the regular arrangement has "
+                    f"{self._regular_slots(particles) / self._rows_per_block:.0f}"
+                )
+            self._slots_per_block = slots
             self._allocate_slots()
         if self.skin > 0:
             _copy_kernel(particles.dimension)(particles["position"], self._built, particles.count)
         particles.changed = False
-        self._updates = 0
-        self.builds += 1
-        return removed
+        # Positions and kinds are read, starts, lengths and the neighbours themselves written.
+        particles.traffic += particles.count * (12 + particles.row_bytes(("position", "kind")))
+        particles.visits += 1
+
+    def entries(self, particles: Particles) -> int:
+        """Return the neighbours of all active rows together."""
+        return int(np.sum(kernels.host(self.length)[: particles.active], dtype=np.int64))
+
+    def _regular_slots(self, particles: Particles) -> float:
+        """Return the neighbours that a block of rows has on the regular arrangement."""
+        reach = (self.radius + self.skin) / particles.spacing
+        near = math.pi * reach**2 if particles.dimension == 2 else 4.2 * reach**3
+        return near * self._rows_per_block
 
     def bytes(self) -> int:
         """Return the memory of the list [bytes]."""
@@ -118,9 +203,7 @@ class NeighbourList:
         self._order = kernels.array(kernels.i32, self._capacity)
         self._built = kernels.array(kernels.vector(particles.dimension), self._capacity)
         if not self._slots_per_block:
-            reach = (self.radius + self.skin) / particles.spacing
-            near = math.pi * reach**2 if particles.dimension == 2 else 4.2 * reach**3
-            self._slots_per_block = int(1.25 * near * self._rows_per_block) + 64
+            self._slots_per_block = int(1.25 * self._regular_slots(particles)) + 64
         self._allocate_slots()
 
     def _allocate_slots(self) -> None:
@@ -173,24 +256,24 @@ class NeighbourList:
         shape: NDArray[np.int64],
     ) -> None:
         d, count, cells = particles.dimension, particles.count, int(shape.prod())
-        if cells + 1 > self._cells:
-            self._cells = 2 * (cells + 1)
+        if 2 * cells + 1 > self._cells:
+            self._cells = 2 * (2 * cells + 1)
+            self._near = kernels.array(kernels.i32, self._cells)
             self._cell_start = kernels.array(kernels.i32, self._cells)
             self._cursor = kernels.array(kernels.i32, self._cells)
             self._sums = kernels.array(kernels.i32, _SCAN_BLOCKS)
-        _cell_kernel(d)(
-            particles["position"],
-            self._cell,
-            self._cursor,
-            count,
-            cells + 1,
-            *map(float, origin),
-            *map(float, size),
-            *[int(s) for s in shape],
+        light = kernels.light(count)
+        _cell_kernel(d, self.periodic, light)(
+            particles["position"], particles["kind"], self._cell, self._cursor, self._near, count, cells,
+            *map(float, origin), *map(float, size), *[int(s) for s in shape],
+        )  # fmt: skip
+        _scan_kernel(light)(self._cursor, self._cell_start, self._sums, 2 * cells + 1)
+        _scatter_kernel(light)(
+            self._cell, self._cell_start, self._cursor, self._order, particles["id"], self._flag, count, 2 * cells
         )
-        _scan_kernel()(self._cursor, self._cell_start, self._sums, cells + 1)
-        _scatter_kernel()(self._cell, self._cell_start, self._cursor, self._order, particles["id"], count, cells)
-        particles.reorder(self._order)
+        if kernels.host(self._flag)[0]:
+            particles.reorder(self._order)
+        particles.part(int(kernels.host(self._cell_start)[cells]))
 
     def _fill(
         self,
@@ -199,7 +282,7 @@ class NeighbourList:
         size: NDArray[np.float64],
         shape: NDArray[np.int64],
     ) -> bool:
-        d, count = particles.dimension, particles.count
+        d, count = particles.dimension, particles.active
         self._flag.fill(0)
         _list_kernel(d, self.periodic)(
             particles["position"], particles["kind"], self._cell_start, self.start, self.length, self.neighbour,
@@ -298,9 +381,15 @@ def _wrap_and_bound_kernel(d: int, periodic: tuple[bool, ...]) -> Any:
 
 
 @kernels.cached
-def _cell_kernel(d: int) -> Any:
+def _cell_kernel(d: int, periodic: tuple[bool, ...], serial: bool) -> Any:
+    """Generate the count of rows per cell; dry rows are counted in a second set of cells behind the first.
+
+    Wet and dry are told apart on a grid of blocks of cells: a solid row is wet if there is fluid in its block or
+    in one beside it.
+    """
     Vectors, Rows, _, real = _types(d)
     axes = range(d)
+    w = _WET_REACHES * _CELLS_PER_REACH
     parameters = [f"origin{k}: real" for k in axes] + [f"size{k}: real" for k in axes]
     parameters += [f"shape{k}: qd.i32" for k in axes]
     index = [
@@ -309,31 +398,55 @@ def _cell_kernel(d: int) -> Any:
         for k in axes
     ]
     flat = "c0 + shape0 * c1" if d == 2 else "c0 + shape0 * (c1 + shape1 * c2)"
+    block, beside = (
+        f"{n}0 + blocks0 * {n}1" if d == 2 else f"{n}0 + blocks0 * ({n}1 + blocks1 * {n}2)" for n in ("b", "n")
+    )
+    # A last block that is not full leaves its neighbour too near: it is joined to the one before.
+    blocks = [f"    blocks{k} = qd.max(shape{k} // {w}, 1)" for k in axes]
+    of_row = [f"        b{k} = qd.min(c{k} // {w}, blocks{k} - 1)" for k in axes]
+    walk, indent = [], "            "
+    for k in reversed(axes):
+        walk.append(f"{indent}for o{k} in range(-1, 2):")
+        indent += "    "
+        if periodic[k]:
+            walk.append(f"{indent}n{k} = (b{k} + o{k} + blocks{k}) % blocks{k}")
+        else:
+            walk.append(f"{indent}n{k} = qd.min(qd.max(b{k} + o{k}, 0), blocks{k} - 1)")
     lines = [
-        f"def cells(position: Vectors, cell: Rows, counts: Rows, count: qd.i32, n: qd.i32, {', '.join(parameters)}):",
+        "def cells(position: Vectors, kind: Rows, cell: Rows, counts: Rows, fluid: Rows, count: qd.i32, cells: qd.i32,",
+        f"          {', '.join(parameters)}):",
+        *blocks,
         "    qd.loop_config(serialize=serial)",
-        "    for c in range(n):",
+        "    for c in range(2 * cells + 1):",
         "        counts[c] = 0",
+        "        fluid[c] = 0",
         "    qd.loop_config(serialize=serial)",
         "    for i in range(count):",
         *index,
+        *of_row,
         f"        cell[i] = {flat}",
-        f"        counts[{flat}] += 1",
+        f"        if kind[i] & {FLUID} != 0:",
+        f"            fluid[{block}] = 1",
+        "    qd.loop_config(serialize=serial)",
+        "    for i in range(count):",
+        f"        if kind[i] & {FLUID} == 0:",
+        "            c = cell[i]",
+        *[f"            c{k} = c // ({' * '.join(['1', *[f'shape{m}' for m in range(k)]])}) % shape{k}" for k in axes],
+        *["    " + line for line in of_row],
+        "            wet = 0",
+        *walk,
+        f"{indent}wet |= fluid[{beside}]",
+        "            if wet == 0:",
+        "                cell[i] += cells",
+        "        counts[cell[i]] += 1",
     ]
-    return kernels.compiled(
-        "cells",
-        "\n".join(lines) + "\n",
-        Vectors=Vectors,
-        Rows=Rows,
-        real=real,
-        serial=kernels.runtime().serial,
-    )
+    return kernels.compiled("cells", "\n".join(lines) + "\n", Vectors=Vectors, Rows=Rows, real=real, serial=serial)
 
 
 @kernels.cached
-def _scan_kernel() -> Any:
+def _scan_kernel(serial: bool) -> Any:
     _, Rows, _, _ = _types(2)
-    serial, qd, blocks = kernels.runtime().serial, kernels.qd, _SCAN_BLOCKS
+    qd, blocks = kernels.qd, _SCAN_BLOCKS
 
     @kernels.kernel
     def scan(counts: Rows, start: Rows, sums: Rows, n: kernels.i32):
@@ -366,12 +479,16 @@ def _scan_kernel() -> Any:
 
 
 @kernels.cached
-def _scatter_kernel() -> Any:
+def _scatter_kernel(serial: bool) -> Any:
     _, Rows, _, _ = _types(2)
-    serial, qd = kernels.runtime().serial, kernels.qd
+    qd = kernels.qd
 
     @kernels.kernel
-    def scatter(cell: Rows, start: Rows, cursor: Rows, order: Rows, ids: Rows, count: kernels.i32, cells: kernels.i32):
+    def scatter(
+        cell: Rows, start: Rows, cursor: Rows, order: Rows, ids: Rows, changed: Rows, count: kernels.i32,
+        cells: kernels.i32,
+    ):  # fmt: skip
+        changed[0] = 0
         qd.loop_config(serialize=serial)
         for i in range(count):
             slot = qd.atomic_add(cursor[cell[i]], 1)
@@ -387,6 +504,10 @@ def _scatter_kernel() -> Any:
                     order[t + 1] = order[t]
                     t -= 1
                 order[t + 1] = row
+        qd.loop_config(serialize=serial)
+        for i in range(count):
+            if order[i] != i:
+                changed[0] = 1
 
     return scatter
 

@@ -1,6 +1,6 @@
 """A simulation: a domain, a step and a clock."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from math import inf
 from typing import Any
 
@@ -9,15 +9,16 @@ from numpy.typing import NDArray
 
 from spume import kernels
 from spume.clock import Clock
+from spume.diagnosis import Diverged, Finding, Watch, crowded, not_a_number, not_solved
 from spume.domain import Domain
 from spume.outputs.snapshot import Snapshot
 from spume.particles import ANY, FLUID
 from spume.pressure.base import NotConverged
-from spume.steps.base import Step, stage_times
+from spume.search import TooManyNeighbours
+from spume.steps.base import Step
 
-
-class Diverged(RuntimeError):
-    """The state is no longer a flow; the message says when, where, why and what helps."""
+State = tuple[dict[str, NDArray[Any]], dict[str, Any]]
+"""Arrays by name, and numbers and text that JSON takes."""
 
 
 class Simulation:
@@ -30,6 +31,7 @@ class Simulation:
 
     Attributes:
         statistics: figures of the last step: dt, iterations, residual, removed rows, uses of limiters.
+        watch: what judges the steps.
     """
 
     def __init__(self, domain: Domain, step: Step, clock: Clock) -> None:
@@ -41,7 +43,8 @@ class Simulation:
         self._viscosity = float(np.max(domain.particles.numpy("kinematic_viscosity"), initial=0.0))
         self._acceleration = 0.0
         self._snapshot: Snapshot | None = None
-        stage_times.clear()
+        self._broken = 0.0  # length of the step that failed half-way [s]
+        self.watch = Watch(domain, clock)
 
     @property
     def particles(self) -> Any:
@@ -72,7 +75,7 @@ class Simulation:
         """Do one step.
 
         Raises:
-            Diverged: a position or velocity is not a number, or the pressure solver failed.
+            Diverged: the state is no longer a flow (see `spume.diagnosis`); `snapshot` then shows what is left of it.
         """
         domain, clock = self.domain, self.clock
         particles = domain.particles
@@ -83,47 +86,61 @@ class Simulation:
                 reach = np.abs(particles.numpy("position") - domain.gravity.focus).max()
                 self._acceleration += domain.gravity.stiffness * float(reach)
         if not np.isfinite(speed):
-            raise self._diverged("a velocity is not a number")
+            raise self._diverged(not_a_number(clock))
+        bodies = min((body.max_dt(clock.time, domain.lattice.spacing) for body in domain.bodies), default=inf)
         dt = clock.next_dt(
             domain.lattice,
             speed,
             self._acceleration / self.step.steadiness**2,
             self.step.viscosity.max_dt(domain.lattice, self.step.viscosity.largest(particles, self._viscosity)),
-            min((body.max_dt() for body in domain.bodies), default=inf),
+            clock.courant * bodies,
         )
+        finding = self.watch.before_step(speed, dt)
+        if finding is not None:
+            raise self._diverged(finding)
         try:
             figures = self.step(domain, clock.time, dt)
         except NotConverged as error:
-            raise self._diverged(f"the pressure solver failed: {error}") from error
+            raise self._diverged(not_solved(error, domain, clock), dt) from error
+        except TooManyNeighbours as error:
+            raise self._diverged(crowded(error, domain, clock), dt) from error
         # Of rows of every kind: sorting within the step leaves this field behind, while the kinds move.
         self._acceleration = particles.largest_norm("acceleration", ANY)
         clock.advance(dt)
         self.statistics = {"dt": dt, **figures}
         if "collisions" in particles.fields:
             self.statistics["collisions"] = particles.total("collisions", FLUID)
+        finding = self.watch.after_step(self.statistics)
+        if finding is not None:
+            raise self.watch.diverged(finding, clock.step, clock.time)
 
     def snapshot(self) -> Snapshot:
-        """Return the present state as NumPy arrays, copied when asked for; the same object until the next step."""
-        if self._snapshot is None or self._snapshot.step != self.step_index:
+        """Return the present state as NumPy arrays, copied when asked for; the same object until the next step.
+
+        After a step that failed half-way it is what that step left, under the number and the end of that step.
+        """
+        step = self.step_index + (self._broken > 0.0)
+        if self._snapshot is None or self._snapshot.step != step:
             domain = self.domain
             self._snapshot = Snapshot(
                 self.fetch,
-                time=self.time,
-                step=self.step_index,
+                time=self.time + self._broken,
+                step=step,
                 dt=self.dt,
                 spacing=domain.lattice.spacing,
                 dimension=domain.lattice.dimension,
-                gravity=domain.gravity.at(self.time),
+                gravity=domain.force(self.time).gravity,
                 n0=self.step.number_density.n0(domain.lattice),
                 bodies=tuple(body.name for body in domain.bodies),
+                poses={body.name: body.pose(self.time, domain.lattice.dimension) for body in domain.bodies},
                 fields=domain.particles.fields,
             )
         return self._snapshot
 
     @property
     def stage_times(self) -> dict[str, float]:
-        """Wall time [s] spent in each stage of the step, by this process."""
-        return stage_times
+        """Wall time [s] spent in each stage of the step."""
+        return self.domain.stages.times
 
     def run(self, until: float = inf, after_step: Callable[["Simulation"], Any] | None = None) -> None:
         """Advance to the end, or until the time ``until`` [s] is passed, calling ``after_step`` after each step."""
@@ -136,16 +153,59 @@ class Simulation:
         """Return a copy of a field, shape (count, *shape)."""
         return np.asarray(self.domain.particles.numpy(name))
 
-    def _diverged(self, reason: str) -> Diverged:
-        x, u = self.fetch("position"), self.fetch("velocity")
-        bad = ~np.isfinite(u).all(axis=1) | ~np.isfinite(x).all(axis=1)
-        row = int(np.argmax(bad)) if bad.any() else int(np.argmax(np.linalg.norm(u, axis=1)))
-        where = ", ".join(f"{v:.5g}" for v in x[row])
-        return Diverged(
-            f"step {self.clock.step + 1}, t = {self.clock.time:.6g} s: {reason}; particle {self.fetch('id')[row]} at "
-            f"({where}) m with {np.linalg.norm(u[row]):.4g} m/s. Likely a time step too large or particles started too "
-            f"close: lower time.courant (now {self.clock.courant:g}), or look at the last frame for overlapping rows."
-        )
+    def state(self, fields: Iterable[str] = ()) -> State:
+        """Return everything that the next step reads; after `restore` the steps that follow are the same bits.
+
+        Args:
+            fields: fields to save besides those that a step reads.
+        """
+        domain, clock, particles = self.domain, self.clock, self.domain.particles
+        chosen = [name for name, field in particles.fields.items() if field.restart or name in fields]
+        arrays = {f"particles/{name}": particles.numpy(name) for name in chosen}
+        neighbours, built = domain.pairs.list.state(particles)
+        arrays |= {f"list/{name}": values for name, values in built.items()}
+        for body in domain.bodies:
+            arrays |= {f"bodies/{body.name}/{name}": values for name, values in body.state().items()}
+        numbers = {
+            "clock": {"time": clock.time, "step": clock.step, "dt": clock.dt, "limiter": clock.limiter},
+            "list": neighbours,
+            "next_id": particles.next_id,
+            "acceleration": self._acceleration,
+            "viscosity": self._viscosity,
+            "statistics": {name: float(value) for name, value in self.statistics.items()},
+            "stage_times": dict(self.stage_times),
+            "watch": self.watch.state(),
+        }
+        return arrays, numbers
+
+    def restore(self, arrays: Mapping[str, NDArray[Any]], numbers: Mapping[str, Any]) -> None:
+        """Take back a state that `state` gave, of the same case.
+
+        Raises:
+            KeyError: something is missing.
+        """
+        domain, clock, particles = self.domain, self.clock, self.domain.particles
+        under: dict[str, dict[str, NDArray[Any]]] = {}
+        for path, values in arrays.items():
+            group, _, name = path.rpartition("/")
+            under.setdefault(group, {})[name] = values
+        particles.replace(under["particles"], numbers["next_id"])
+        domain.pairs.list.restore(particles, numbers["list"], under.get("list", {}))
+        for body in domain.bodies:
+            body.restore(under.get(f"bodies/{body.name}", {}))
+        for name, value in numbers["clock"].items():
+            setattr(clock, name, value)
+        self._acceleration, self._viscosity = numbers["acceleration"], numbers["viscosity"]
+        self.statistics = dict(numbers["statistics"])
+        self.stage_times.update(numbers["stage_times"])
+        self.watch.restore(numbers["watch"])
+        self._snapshot = None
+
+    def _diverged(self, finding: Finding, half_way: float = 0.0) -> Diverged:
+        """Return the error of a finding in the step that begins, and show what that step, of that length [s], left."""
+        error = self.watch.diverged(finding, self.clock.step + 1, self.clock.time)
+        self._broken, self._snapshot = half_way, None
+        return error
 
 
 def device_name() -> str:

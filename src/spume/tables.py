@@ -45,6 +45,17 @@ def read_csv(path: Path) -> tuple[list[str], NDArray[np.float64]]:
     return names, np.array(rows)
 
 
+def line_of_row(path: Path, row: int) -> int:
+    """Return the line of a CSV file on which a row of `read_csv`'s numbers stands, both counted from their first."""
+    with Path(path).open(newline="", encoding="utf-8-sig") as file:
+        lines = [
+            line
+            for line, cells in enumerate(csv.reader(file), start=1)
+            if any(cell.strip() for cell in cells) and not cells[0].lstrip().startswith("#")
+        ]
+    return lines[row + 1]
+
+
 def bare(name: str) -> str:
     """Return a column's name without its unit: ``time`` for ``time [s]``."""
     return name.split("[")[0].split("(")[0].strip().lower()

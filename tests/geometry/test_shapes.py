@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from spume.geometry import Box, Cylinder, Grid, Polygon, Sphere, Tank, fill
+from spume.geometry import Box, Cylinder, Difference, Extrusion, Grid, Intersection, Polygon, Sphere, Tank, Union, fill
 from spume.geometry.grid import TooManyCellsError
 
 SHAPES = [
@@ -20,7 +20,27 @@ SHAPES = [
     Cylinder(start=(0.0, 0.0, -0.4), end=(0.0, 0.0, 0.4), radius=0.3),
     Polygon(vertices=((-0.4, -0.4), (0.5, -0.4), (0.5, 0.1), (0.0, 0.0), (-0.4, 0.5))),
     Tank(lower=(-0.4, -0.2), upper=(0.5, 0.3)),
+    *(
+        Extrusion(
+            vertices=((-0.4, -0.4), (0.5, -0.4), (0.5, 0.1), (0.0, 0.0), (-0.4, 0.5)), axis=a, start=-0.3, end=0.2
+        )
+        for a in "xyz"
+    ),
+    Union(of=(Box(lower=(-0.4, -0.4), upper=(0.4, 0.0)), Box(lower=(-0.4, 0.0), upper=(0.0, 0.4)))),
+    Union(of=(Box(lower=(-0.4, -0.4), upper=(0.4, 0.1)), Sphere(centre=(0.1, 0.0), radius=0.3))),
+    Union(of=(Sphere(centre=(-0.2, 0.0, 0.0), radius=0.3), Sphere(centre=(0.2, 0.0, 0.0), radius=0.3))),
+    Difference(
+        of=Box(lower=(-0.4, -0.4, -0.4), upper=(0.4, 0.4, 0.4)),
+        without=(
+            Sphere(centre=(0.4, 0.4, 0.4), radius=0.5),
+            Cylinder(start=(-0.2, -0.2, -0.5), end=(-0.2, -0.2, 0.5), radius=0.15),
+        ),
+    ),
+    Difference(of=Sphere(centre=(0.0, 0.0), radius=0.6), without=Box(lower=(-0.2, -0.2), upper=(0.2, 0.2))),
+    Intersection(of=(Sphere(centre=(0.0, 0.0, 0.0), radius=0.5), Box(lower=(-0.3, -0.3, -0.3), upper=(0.6, 0.6, 0.6)))),
 ]
+SEAMS = {"union", "difference", "intersection"}
+"""Shapes whose seams are found on facets that follow a curved part to 2e-4 of its radius."""
 
 
 def points(shape, number=4000):
@@ -38,19 +58,29 @@ class TestEveryShape:
 
     def test_nearest_point_is_on_the_surface(self, shape):
         on = shape.nearest(points(shape))
-        assert shape.distance(on) == pytest.approx(0.0, abs=1e-9)
+        assert shape.distance(on) == pytest.approx(0.0, abs=2e-4 if shape.key in SEAMS else 1e-9)
 
     def test_no_surface_point_is_nearer(self, shape):
         x = points(shape, 200)
         surface = shape.nearest(points(shape, 20_000))
         best = np.linalg.norm(x[:, None] - surface[None], axis=2).min(axis=1)
-        assert np.all(np.abs(shape.distance(x)) <= best + 1e-12)
+        assert np.all(np.abs(shape.distance(x)) <= best + (3e-4 if shape.key in SEAMS else 1e-12))
 
     def test_distance_has_slope_one_at_most(self, shape):
         x = points(shape)
         y = np.roll(x, 1, axis=0)
         change = np.abs(shape.distance(x) - shape.distance(y))
-        assert np.all(change <= np.linalg.norm(x - y, axis=1) + 1e-12)
+        assert np.all(change <= np.linalg.norm(x - y, axis=1) + (3e-4 if shape.key in SEAMS else 1e-12))
+
+    def test_facets_enclose_the_same_region(self, shape):
+        facets = shape.facets()
+        assert facets.measure() == pytest.approx(shape.measure(), rel=1e-6)
+        assert facets.surface() == pytest.approx(shape.surface(), rel=1e-3)
+        assert np.abs(facets.normals.sum(axis=0)).max() < 1e-12  # closed
+        on, normal = facets.samples(300)
+        assert np.abs(shape.distance(on)).max() < 2e-4
+        assert not shape.inside(on + 1e-3 * normal).any() or shape.key in SEAMS  # but in a notch
+        assert shape.inside(on - 1e-3 * normal).mean() > 0.98
 
     def test_measure_is_the_share_of_random_points(self, shape):
         x = points(shape, 40_000)
@@ -61,7 +91,7 @@ class TestEveryShape:
         """d(volume)/d(offset) at the surface is its area: count points in a thin shell."""
         x = points(shape, 200_000)
         thin = 0.02
-        shell = np.abs(shape.distance(x)) < thin
+        shell = np.abs(shape.distance_within(x, thin)) < thin
         d = x.shape[1]
         assert shell.mean() * 1.6**d / (2 * thin) == pytest.approx(shape.surface(), rel=0.05)
 

@@ -44,6 +44,9 @@ def tank(spacing, length, depth, height, width=None, jitter=0.0, seed=0):
         "body": np.where(fluid, -1, 0),
         "material": np.zeros(n, dtype=int),
         "to_surface": to_surface,
+        "face_area": np.where(
+            (kind == WALL) & (np.linalg.norm(to_surface, axis=1) < 0.6 * spacing), spacing ** (d - 1), 0.0
+        ),
         "id": np.arange(n),
     }
 
@@ -92,6 +95,10 @@ class Simulation:
         self.rows = self.rows | {"position": moved, "velocity": velocity}
         self._snapshot = None
 
+    def state(self, fields=()):
+        names = ("position", "velocity", *fields)
+        return {f"particles/{name}": self.rows[name] for name in names}, {"time": self.time, "step": self.step_index}
+
     def snapshot(self):
         if self._snapshot is None:
             self._snapshot = snapshot_of(self.rows, self.spacing, self.time, self.step_index, self.dt)
@@ -105,6 +112,7 @@ def make_run(folder, gauges=(), references=(), settings=None, end=0.5, simulatio
         time=SimpleNamespace(end=end),
         gauge=tuple(gauges),
         reference=tuple(references),
+        to_toml=lambda: "",
         output=settings or OutputSettings(animation="none"),
     )
     return SimpleNamespace(

@@ -37,7 +37,7 @@ def test_a_whole_run_leaves_a_complete_folder(tmp_path, width):
 
     made = sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file())
     assert made == sorted(
-        ["animation.gif", "log.csv", "run.vtkhdf", "snapshot.png", "summary.json"]
+        ["animation.gif", "checkpoint.h5", "log.csv", "run.vtkhdf", "snapshot.png", "summary.json"]
         + [f"gauges/{g}.{ending}" for g in ("level", "volume", "f") for ending in ("csv", "png")]
     )
     summary = json.loads((folder / "summary.json").read_text())

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from spume.motion import Pose
 from spume.named import Scheme
 
 
@@ -51,8 +53,20 @@ class Body(Scheme, family="body", selector="kind"):
         """Return the body's own state as named arrays, saved and restored by checkpoints."""
         return {}
 
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Take back what `state` gave: the arrays that it returns are filled in place."""
+        for name, values in self.state().items():
+            values[...] = state[name]
+
+    def pose(self, t: float, dimension: int) -> Pose | None:
+        """Return where the body is at the time t [s] relative to the start, for what rides on it; None: at rest."""
+        return None
+
     def prescribe(self, particles: Any, t: float, dt: float) -> None:
-        """Set the velocity of the body's rows over the step (idempotent); insert or remove rows."""
+        """Set ``wall_velocity`` of the body's rows over the step (idempotent); insert or remove rows."""
+
+    def move(self, particles: Any, t: float) -> None:
+        """Put the body's rows where they are at the time t [s] (idempotent); the step says when in its course."""
 
     def force(self, particles: Any, pairs: Any, dt: float) -> None:
         """Add what acts on the fluid to ``particles.acceleration`` [m/s^2]."""
@@ -60,6 +74,11 @@ class Body(Scheme, family="body", selector="kind"):
     def respond(self, particles: Any, t: float, dt: float) -> None:
         """Take the load of the fluid and advance the body's own state to t + dt."""
 
-    def max_dt(self) -> float:
-        """Return the largest time step [s] that the body can follow."""
+    def max_dt(self, t: float, spacing: float) -> float:
+        """Return the largest time step [s] that the body can follow at a Courant number of one.
+
+        Args:
+            t: time at which the step begins [s].
+            spacing: l0 [m].
+        """
         return math.inf

@@ -1,4 +1,4 @@
-"""Fixed walls of one wall layer and dummy layers behind it."""
+"""Walls of one wall layer and dummy layers behind it."""
 
 from __future__ import annotations
 
@@ -9,27 +9,29 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from typing_extensions import override
 
-from spume.bodies.base import Body
-from spume.geometry import Grid, Shape, Tank, wall_layers
+from spume.bodies.rigid import Rigid
+from spume.geometry import Grid, Tank, wall_layers
 from spume.particles import DUMMY, WALL
 
 
-class Wall(Body, name="wall"):
-    """A wall at rest: one layer of wall particles that carry pressure, dummy layers behind it.
+class Wall(Rigid, name="wall"):
+    """A wall, at rest or moving: one layer of wall particles that carry pressure, dummy layers behind it.
 
     A tank is wet inside, every other shape outside, unless `wetted` says otherwise. The shape's
     plane faces are moved to the nearest cell faces of the case's lattice (with a warning if that
     moves them visibly), so that the fluid beside a wall is one spacing from its first layer.
 
     To let a body stand on another one, make it reach `layers` spacings into it: where rows of two
-    bodies coincide one is kept, and a wall row that no fluid can reach becomes a dummy.
+    bodies coincide one is kept, and a wall row that no fluid can reach becomes a dummy. A body that moves
+    or is taken away must instead stand beside the others, as a gate on a floor: what it leaves is whole.
+
+    A plate with water on both sides must be as thick as the largest effective radius (three spacings for
+    the default models), or the waters would see each other through it.
     """
 
     ids: ClassVar[tuple[str, ...]] = ("F1", "F2")
     reference: ClassVar[str] = "koshizuka1996"
 
-    shape: Shape
-    """Shape of the wall, or of the room that a container encloses."""
     wetted: Literal["inside", "outside"] | None = None
     """Side of the shape on which the fluid is; default: inside for a tank, outside for other shapes."""
     layers: Annotated[int, Field(ge=1, le=10)] = 3
@@ -43,6 +45,8 @@ class Wall(Body, name="wall"):
     def _check(self) -> Self:
         if isinstance(self.shape, Tank) and self.wetted == "outside":
             raise ValueError('a tank is wet inside; for the outside of a box use the shape "box"')
+        if self.velocity is not None and self.motion is not None:
+            raise ValueError("velocity is for rows that stay in place, motion moves them: give one of them")
         return self
 
     @property
@@ -62,6 +66,7 @@ class Wall(Body, name="wall"):
             "position": layers.position,
             "kind": np.where(layers.wall, WALL, DUMMY).astype(np.int32),
             "to_surface": layers.to_surface,
+            "face_area": layers.face_area,
             "velocity": velocity,
             "master": layers.master,
         }

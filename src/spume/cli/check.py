@@ -27,7 +27,7 @@ def check(
 
     from spume import build, kernels
     from spume.outputs.pictures import draw_frames, frame_of
-    from spume.run import duration
+    from spume.progress import duration
 
     rows = build.initial_rows(loaded)
     build.check_gauges(loaded, rows)

@@ -106,5 +106,5 @@ def fill(shape: Shape, grid: Grid) -> NDArray[np.float64]:
     found = [np.empty((0, grid.dimension))]
     for cells in grid.blocks(*grid.window(lower, upper)):
         points = grid.centres(cells)
-        found.append(points[shape.distance(points) < -1e-9 * grid.spacing])
+        found.append(points[shape.distance_within(points, 1e-3 * grid.spacing) < -1e-9 * grid.spacing])
     return np.concatenate(found)

@@ -23,12 +23,14 @@ class Layers:
         position: cell centres [m], shape (n, d).
         wall: True for the first layer, False for the dummies behind it, shape (n,).
         to_surface: vector [m] from the row to the nearest point of the wetted surface, shape (n, d).
+        face_area: for a wall row the area [m^(d-1)] of the surface for which it stands, else 0, shape (n,).
         master: for a dummy the index of the wall row that it copies, for a wall row its own, shape (n,).
     """
 
     position: NDArray[np.float64]
     wall: NDArray[np.bool_]
     to_surface: NDArray[np.float64]
+    face_area: NDArray[np.float64]
     master: NDArray[np.int64]
 
 
@@ -48,7 +50,8 @@ def wall_layers(shape: Shape, grid: Grid, layers: int, *, wetted: str) -> Layers
         window = tuple(int(n) for n in size + 2 * layers)
         wide = np.moveaxis(np.indices(window), 0, -1).reshape(-1, grid.dimension)
         points = grid.centres(wide + corner - layers)
-        depth = sign * shape.distance(points) / grid.spacing  # behind the surface, positive in the solid
+        # Behind the surface, positive in the solid.
+        depth = sign * shape.distance_within(points, (deepest + 0.5) * grid.spacing) / grid.spacing
         wet = (depth < -1e-6).reshape(window)
         near = maximum_filter(wet, size=2 * layers + 1, mode="nearest").reshape(-1)
         rows = near & ~wet.reshape(-1) & (depth < deepest)
@@ -65,8 +68,39 @@ def wall_layers(shape: Shape, grid: Grid, layers: int, *, wetted: str) -> Layers
     cells, depth = cells[order], np.concatenate([np.empty(0), *depths])[order]
     position = grid.centres(cells)
     to_surface = shape.nearest(position) - position
+    on = np.flatnonzero(np.abs(depth) < _ON)
+    if len(on):
+        to_surface[on] = _ON * grid.spacing * _into_the_fluid(shape, position[on], sign, grid.spacing)
     wall = depth < 1.0 - 1e-6
-    return Layers(position, wall, to_surface, masters(position, wall, to_surface))
+    area = np.where(wall, face_area(to_surface, grid.spacing), 0.0)
+    return Layers(position, wall, to_surface, area, masters(position, wall, to_surface))
+
+
+def face_area(to_surface: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
+    """Return the area [m^(d-1)] of the surface for which rows of a wall layer on the lattice stand, shape (n,).
+
+    Along the axis k of the largest part of its normal a plane is met by one row per column of cells, that
+    within |n_k| l0 behind it, whose share of the plane is l0^(d-1)/|n_k|. A row farther away, behind an
+    inner corner or edge, has no face.
+    """
+    distance = np.linalg.norm(to_surface, axis=1)
+    steepest = np.abs(to_surface).max(axis=1) / np.where(distance > 0.0, distance, 1.0)
+    faced = (distance > 0.0) & (distance < (steepest - 1e-6) * spacing)
+    return np.where(faced, spacing ** (to_surface.shape[1] - 1) / np.where(faced, steepest, 1.0), 0.0)
+
+
+_ON = 1e-4
+"""Rows nearer to the surface than this part of the spacing get this distance from it, which keeps its direction."""
+
+
+def _into_the_fluid(shape: Shape, points: NDArray[np.float64], sign: float, spacing: float) -> NDArray[np.float64]:
+    """Return the unit normals that look into the fluid at points on a surface: the slope of the distance there."""
+    slope = np.empty_like(points)
+    for k, step in enumerate(1e-2 * spacing * np.eye(points.shape[1])):
+        slope[:, k] = -sign * (shape.distance(points + step) - shape.distance(points - step))
+    length = np.linalg.norm(slope, axis=1, keepdims=True)
+    slope[length[:, 0] == 0.0, -1] = 1.0  # thinner than the step: there is no side to tell
+    return slope / np.where(length == 0.0, 1.0, length)
 
 
 _EDGE = {2: 64, 3: 24}

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from typing_extensions import override
 
+from spume.geometry.facets import Facets, ball, circle, outline, prism
 from spume.geometry.grid import Grid
 from spume.named import Scheme
 
@@ -45,9 +46,17 @@ class Shape(Scheme, family="shape", selector="kind"):
         gap = np.linalg.norm(self.nearest(points) - points, axis=1)
         return np.where(self.inside(points), -gap, gap)
 
+    def distance_within(self, points: Points, reach: float) -> NDArray[np.float64]:
+        """Return `distance` where it is less than `reach` [m], elsewhere that or an infinite one of its sign."""
+        return self.distance(points)
+
     def gap(self, points: Points) -> NDArray[np.float64]:
         """Return the distance [m] of each point from the surface, open faces excluded."""
         return np.abs(self.distance(points))
+
+    def facets(self) -> Facets:
+        """Return the surface as segments or triangles; curved ones to 2e-4 of their radius."""
+        raise NotImplementedError
 
     def measure(self) -> float:
         """Return the area [m^2] in 2D or the volume [m^3] in 3D."""
@@ -116,6 +125,15 @@ class _Corners(Shape):
         lower, upper = self.bounds()
         faces = np.prod(upper - lower) / (upper - lower)
         return float(np.sum(~self.open_faces() * faces))
+
+    @override
+    def facets(self) -> Facets:
+        lower, upper = self.bounds()
+        (x0, y0), (x1, y1) = lower[:2], upper[:2]
+        loop = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+        if len(lower) == 2:
+            return outline(loop)
+        return prism(loop, np.array([0.0, 0.0, lower[2]]), np.diag([1.0, 1.0, upper[2] - lower[2]]))
 
     def open_faces(self) -> NDArray[np.bool_]:
         """Return which faces are open, shape (2, d): lower and upper face of each axis."""
@@ -230,6 +248,11 @@ class Sphere(Shape, name="sphere"):
         return np.asarray(np.linalg.norm(points - np.array(self.centre), axis=1) < self.radius)
 
     @override
+    def facets(self) -> Facets:
+        centre = np.array(self.centre, dtype=float)
+        return outline(centre + circle(self.radius)) if len(centre) == 2 else ball(centre, self.radius)
+
+    @override
     def measure(self) -> float:
         return math.pi * self.radius**2 if len(self.centre) == 2 else 4.0 / 3.0 * math.pi * self.radius**3
 
@@ -299,6 +322,13 @@ class Cylinder(Shape, name="cylinder"):
         _, _, length = self._axis()
         along, radial, _ = self._coordinates(points)
         return np.asarray((along > 0) & (along < length) & (radial < self.radius))
+
+    @override
+    def facets(self) -> Facets:
+        start, axis, length = self._axis()
+        across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+        across /= np.linalg.norm(across)
+        return prism(circle(self.radius), start, np.array([across, np.cross(axis, across), length * axis]))
 
     @override
     def measure(self) -> float:
@@ -381,6 +411,10 @@ class Polygon(Shape, name="polygon"):
             crosses = (y >= min(ya, yb)) & (y < max(ya, yb))
             odd ^= crosses & (x < xa + (y - ya) * (xb - xa) / (yb - ya))
         return odd
+
+    @override
+    def facets(self) -> Facets:
+        return outline(self._vertices())
 
     @override
     def measure(self) -> float:

@@ -31,6 +31,7 @@ def outputs_of(case: Any) -> Outputs:
     Raises:
         ValueError: two gauges of one name, or a reference of a gauge that is not there.
     """
+    from spume.outputs.checkpoint import Checkpoint
     from spume.outputs.frames import Frames
     from spume.outputs.log import Log
     from spume.outputs.pictures import Pictures
@@ -49,4 +50,4 @@ def outputs_of(case: Any) -> Outputs:
         chosen.append(Pictures(settings, case.reference))
     # Last, so that it knows what the others found.
     chosen.append(Summary(log, compare))
-    return Outputs(chosen)
+    return Outputs(chosen, Checkpoint(settings))

@@ -38,6 +38,14 @@ class Frames(Output):
         )
         self._write(run)
 
+    def state(self) -> dict[str, Any]:
+        assert self._writer is not None
+        return {"interval": self._interval, "next": self._next, "written": self._written, "file": self._writer.state()}
+
+    def resume(self, run: RunLike, state: dict[str, Any]) -> None:
+        self._interval, self._next, self._written = state["interval"], state["next"], state["written"]
+        self._writer = Writer.reopened(run.folder / FILE, self.settings.fields, state["file"])
+
     def after_step(self, run: RunLike) -> None:
         # A thousandth of a step early is on time: k interval and the sum of the steps round differently.
         if run.simulation.time >= self._next * self._interval - 1e-3 * run.simulation.dt:
@@ -46,14 +54,17 @@ class Frames(Output):
     def finish(self, run: RunLike) -> None:
         if self._writer is None:
             return
-        if run.simulation.step_index != self._written:
-            self._write(run)
-        self._writer.close()
+        try:
+            if run.simulation.snapshot().step != self._written:
+                self._write(run)
+        finally:
+            self._writer.close()
 
     def _write(self, run: RunLike) -> None:
         assert self._writer is not None
-        self._writer.write(run.simulation.snapshot())
-        self._written = run.simulation.step_index
+        snapshot = run.simulation.snapshot()
+        self._writer.write(snapshot)
+        self._written = snapshot.step
         t = run.simulation.time + 1e-3 * run.simulation.dt
         self._next = int(np.floor(t / self._interval + 1e-9)) + 1
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import os
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from spume.named import Scheme
+from spume.outputs.disk import synced
 from spume.outputs.snapshot import Snapshot
 
 _FLUSH_SECONDS = 1.0
@@ -52,6 +54,18 @@ class Gauge(Scheme, family="gauge", selector="kind"):
         if len(value) != dimension:
             raise ValueError(f"gauge {self.name!r}: {key} = {list(value)}: {dimension} numbers in {dimension}D")
         return np.asarray(value, dtype=float)
+
+
+class Riding(Gauge):
+    """A gauge at a place, which may be fixed to a body that moves."""
+
+    body: str | None = None
+    """Body that the gauge rides on; places are given as they are at the start. Default: it rests."""
+
+    def check(self, snapshot: Snapshot) -> None:
+        if self.body is not None and self.body not in snapshot.bodies:
+            known = ", ".join(repr(b) for b in snapshot.bodies) or "(the case has none)"
+            raise ValueError(f"gauge {self.name!r}: body = {self.body!r}: one of {known}")
 
 
 class Recorder:
@@ -102,6 +116,25 @@ class Recorder:
                 self._write(instant, {k: (1.0 - share) * early[k] + share * late[k] for k in late})
             self._next += 1
         self._previous = snapshot
+
+    def state(self) -> dict[str, Any]:
+        """Return where the file ends and which instant is next; what was written is on the disk then."""
+        assert self._file is not None
+        return {"bytes": synced(self._file), "next": self._next}
+
+    def resume(self, snapshot: Snapshot, state: dict[str, Any]) -> None:
+        """Go on from the state after the last step, which `snapshot` shows; later lines are dropped.
+
+        Raises:
+            OSError: the file is gone, or shorter than it was.
+        """
+        if self.path.stat().st_size < state["bytes"]:
+            raise OSError(f"{self.path}: shorter than the checkpoint knows it, {state['bytes']} bytes")
+        os.truncate(self.path, state["bytes"])
+        self._columns = tuple(self.gauge.columns(snapshot.dimension))
+        self._file = self.path.open("a", newline="", encoding="utf-8")
+        self._writer = csv.writer(self._file, lineterminator="\n")
+        self._next, self._previous = state["next"], snapshot
 
     def close(self) -> None:
         """Flush and close the file."""

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import csv
 import time
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, TextIO
 
 from spume.outputs import budgets
+from spume.outputs.disk import put_in_place, synced
 from spume.outputs.output import Output, RunLike
 
 FILE = "log.csv"
@@ -48,17 +50,33 @@ class Log(Output):
         self._columns: list[str] = []
         self._sums: dict[str, Any] = {}
         self._flushed = 0.0
+        self._lines = 0
 
     def start(self, run: RunLike) -> None:
-        snapshot = run.simulation.snapshot()
-        self._path = run.folder / FILE
-        d = snapshot.dimension
-        joule = "J" if d == 3 else "J/m"
-        self._units = UNITS | {"volume": f"m^{d}", "kinetic_energy": joule, "potential_energy": joule}
+        self._name_units(run)
         self._columns = list(UNITS)
         self._file = self._path.open("w", newline="", encoding="utf-8")
         csv.writer(self._file, lineterminator="\n").writerow(self._header())
         self._file.flush()
+
+    def _name_units(self, run: RunLike) -> None:
+        self._path = run.folder / FILE
+        d = run.simulation.snapshot().dimension
+        joule = "J" if d == 3 else "J/m"
+        self._units = UNITS | {"volume": f"m^{d}", "kinetic_energy": joule, "potential_energy": joule}
+
+    def state(self) -> dict[str, Any]:
+        synced(self._file)
+        names = ("columns", "sums", "lines")
+        volumes = {"initial_volume": self.initial_volume, "volume": self.volume}
+        return {name: getattr(self, f"_{name}") for name in names} | volumes
+
+    def resume(self, run: RunLike, state: dict[str, Any]) -> None:
+        self._name_units(run)
+        self._columns, self._sums, self._lines = list(state["columns"]), dict(state["sums"]), state["lines"]
+        self.initial_volume, self.volume = state["initial_volume"], state["volume"]
+        # Columns that came after the checkpoint go with the lines that came after it.
+        self._rewrite(lambda lines: (line[: len(self._columns)] for line in lines[: self._lines]))
 
     def after_step(self, run: RunLike) -> None:
         simulation = run.simulation
@@ -95,6 +113,7 @@ class Log(Output):
             self._widen(new)
         assert self._file is not None
         csv.writer(self._file, lineterminator="\n").writerow(_text(row.get(c, 0)) for c in self._columns)
+        self._lines += 1
         now = time.monotonic()
         if now - self._flushed > _FLUSH_SECONDS:
             self._file.flush()
@@ -112,13 +131,23 @@ class Log(Output):
         """Add columns to the file."""
         assert self._file is not None
         self._file.close()
+        self._columns += names
+        self._rewrite(lambda lines: (line + ["0"] * len(names) for line in lines))
+
+    def _rewrite(self, change: Callable[[list[list[str]]], Iterable[list[str]]]) -> None:
+        """Replace the lines of the file, in one go: a run that is killed meanwhile loses none."""
         with self._path.open(newline="", encoding="utf-8") as file:
             lines = list(csv.reader(file))[1:]
-        self._columns += names
-        self._file = self._path.open("w", newline="", encoding="utf-8")
-        writer = csv.writer(self._file, lineterminator="\n")
-        writer.writerow(self._header())
-        writer.writerows(line + ["0"] * len(names) for line in lines)
+        if len(lines) < self._lines:
+            raise OSError(f"{self._path}: {len(lines)} lines, but the checkpoint knows of {self._lines}")
+        partial = self._path.with_name(FILE + ".partial")
+        with partial.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(self._header())
+            writer.writerows(change(lines))
+            synced(file)
+        put_in_place(partial, self._path)
+        self._file = self._path.open("a", newline="", encoding="utf-8")
 
 
 def is_count(name: str, value: float) -> bool:

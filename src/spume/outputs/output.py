@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Protocol
 
+import numpy as np
 from pydantic import Field
 
 from spume.named import Parameters
+from spume.outputs.disk import NotWritten
 from spume.outputs.snapshot import Snapshot
 from spume.outputs.vtkhdf import DEFAULT_FIELDS
 
@@ -30,6 +32,10 @@ class OutputSettings(Parameters):
     """Steps between two lines of ``log.csv``."""
     pictures: bool = True
     """Draw ``snapshot.png`` and a picture of every gauge at the end."""
+    checkpoint_interval: Annotated[float, Field(ge=0.0)] | Literal["none"] = 600.0
+    """Wall time between two checkpoints [s], from which ``spume run --resume`` continues; ``none`` writes none.
+    The interval grows where writing takes more than a twentieth of it. One is also written at the start, when
+    the run is interrupted, and at the end."""
     animation: Literal["auto", "gif", "mp4", "none"] = "auto"
     """Format of the animation; ``auto``: ``mp4`` where ffmpeg is installed, else ``gif``."""
     colour: str = "speed"
@@ -81,8 +87,8 @@ class RunLike(Protocol):
 class Output:
     """Something that is told of a run's progress and writes; it never changes the state.
 
-    The order is ``start`` (before the first step), ``after_step`` (after each), ``finish`` (once,
-    also after an error or an interruption: ``run.status`` tells).
+    The order is ``start`` (before the first step) or ``resume`` (in a run that is continued), ``after_step``
+    (after each), ``finish`` (once, also after an error or an interruption: ``run.status`` tells).
     """
 
     def start(self, run: RunLike) -> None:
@@ -94,52 +100,106 @@ class Output:
     def finish(self, run: RunLike) -> None:
         """Write what is left, close files."""
 
+    def state(self) -> dict[str, Any]:
+        """Return what `resume` needs, as JSON takes it; what was written until now is on the disk then."""
+        return {}
+
+    def resume(self, run: RunLike, state: dict[str, Any]) -> None:
+        """Begin, in place of `start`, where `state` was taken: what was written after that is dropped."""
+        self.start(run)
+
 
 class Outputs(Output):
     """All outputs of a run, one after the other, and the clock that keeps their time apart from the steps'.
 
     Attributes:
-        step_times: wall time of every step [s], without outputs.
-        output_time: wall time spent in outputs [s].
+        step_times: wall time of every step of this process [s], without outputs.
+        output_time: wall time that this process spent in outputs [s].
         started: monotonic time at the start [s].
+        earlier: times of the processes that computed the run before this one continued it [s].
     """
 
-    def __init__(self, outputs: Sequence[Output]) -> None:
+    def __init__(self, outputs: Sequence[Output], checkpoint: Output | None = None) -> None:
+        """Take the outputs in the order in which they are told, and the one that saves the state of all of them."""
         self.outputs = tuple(outputs)
+        self.checkpoint = checkpoint
         self.step_times: list[float] = []
         self.output_time = 0.0
         self.started = time.perf_counter()
+        self.earlier: dict[str, float] = {}
         self._left = self.started
-        for output in self.outputs:
-            if hasattr(output, "clock"):
+        for output in (*self.outputs, checkpoint):
+            if output is not None and hasattr(output, "clock"):
                 output.clock = self
 
     def start(self, run: RunLike) -> None:
-        entered = time.perf_counter()
-        for output in self.outputs:
-            output.start(run)
-        self._leave(entered)
+        self._tell(lambda output: output.start(run))
 
     def after_step(self, run: RunLike) -> None:
-        entered = time.perf_counter()
-        self.step_times.append(entered - self._left)
-        for output in self.outputs:
-            output.after_step(run)
-        self._leave(entered)
+        self.step_times.append(time.perf_counter() - self._left)
+        self._tell(lambda output: output.after_step(run))
 
     def finish(self, run: RunLike) -> None:
         """Finish every output, also where one fails; the first error is raised at the end."""
         entered = time.perf_counter()
         first: Exception | None = None
-        for output in self.outputs:
+        # The checkpoint first: what the others write at the end is no part of a run that goes on.
+        for output in (*([] if self.checkpoint is None else [self.checkpoint]), *self.outputs):
             try:
                 output.finish(run)
             except Exception as error:
                 first = first or error
         self._leave(entered)
+        if isinstance(first, OSError):
+            raise _not_written(first) from first
         if first is not None:
             raise first
+
+    def state(self) -> dict[str, Any]:
+        parts = [output.state() for output in self.outputs]
+        return {"times": self.times(), "outputs": {_name(o): s for o, s in zip(self.outputs, parts, strict=True)}}
+
+    def resume(self, run: RunLike, state: dict[str, Any]) -> None:
+        self.earlier = dict(state["times"])
+        self._tell(lambda output: output.resume(run, state["outputs"].get(_name(output), {})))
+
+    def times(self) -> dict[str, float]:
+        """Return the wall times [s] of the run so far: ``wall``, ``steps``, ``compilation``, ``outputs``."""
+        steps = np.array(self.step_times, dtype=float)
+        compilation = 0.0
+        if len(steps) > 2 * _COMPILING:
+            usual = float(np.median(steps[_COMPILING:]))
+            compilation = float(np.sum(np.maximum(steps[:_COMPILING] - usual, 0.0)))
+        mine = {
+            "wall": time.perf_counter() - self.started,
+            "steps": float(steps.sum()) - compilation,
+            "compilation": compilation,
+            "outputs": self.output_time,
+        }
+        return {name: value + self.earlier.get(name, 0.0) for name, value in mine.items()}
+
+    def _tell(self, say: Callable[[Output], None]) -> None:
+        entered = time.perf_counter()
+        try:
+            for output in self.outputs:
+                say(output)
+            if self.checkpoint is not None:
+                say(self.checkpoint)  # after the others, whose state it saves
+        except OSError as error:
+            raise _not_written(error) from error
+        self._leave(entered)
 
     def _leave(self, entered: float) -> None:
         self._left = time.perf_counter()
         self.output_time += self._left - entered
+
+
+_COMPILING = 3  # steps of a process that may compile kernels
+
+
+def _not_written(error: OSError) -> NotWritten:
+    return error if isinstance(error, NotWritten) else NotWritten(f"results cannot be written: {error}")
+
+
+def _name(output: Output) -> str:
+    return type(output).__name__.lower()

@@ -27,7 +27,8 @@ _ANIMATION_FRAMES = 100
 _FRAMES_PER_SECOND = 15
 _WALL_COLOUR = np.array([0.55, 0.57, 0.60], dtype=np.float32)
 _DUMMY_COLOUR = np.array([0.76, 0.77, 0.79], dtype=np.float32)
-_DRAWN = ("position", "kind", "velocity", "pressure", "free_surface", "to_surface")
+_OBSTACLE_COLOUR = np.array([0.80, 0.52, 0.36], dtype=np.float32)
+_DRAWN = ("position", "kind", "body", "velocity", "pressure", "free_surface", "to_surface")
 _TITLES = {"speed": ("speed", "m/s"), "number_density": ("number density", "1")}
 
 
@@ -170,15 +171,44 @@ def _paint_3d(
         # Of walls, only the faces that look at the eye: floor and far sides of a tank, not its front.
         to_surface = np.asarray(frame["to_surface"], dtype=float)
         length = np.linalg.norm(to_surface, axis=1)
-        faced = (frame["kind"] == WALL) & (length > 0.0) & (length < 0.6 * frame.spacing)
         normal = to_surface / np.where(length > 0.0, length, 1.0)[:, None]
-        shown |= faced & (normal @ camera.axes[2] > 0.02)
+        # Behind a slanted or curved face rows stand at any depth up to this, behind an inner corner deeper.
+        steepest = np.abs(normal).max(axis=1)
+        faced = (frame["kind"] == WALL) & (length > 0.0) & (length < (steepest - 1e-6) * frame.spacing)
         light = 0.90 + 0.06 * normal[:, 2] - 0.05 * np.abs(normal[:, 0])
         colours = np.where(fluid[:, None], colours, light[:, None]).astype(np.float32)
         position = position + to_surface  # the wetted planes themselves, which meet at the edges
+        obstacle = _obstacles(frame, position, normal, faced)
+        room = faced & ~obstacle
+        if np.any(obstacle):
+            shade = 0.62 + 0.38 * np.clip(normal @ (camera.axes.T @ _LIGHT), 0.0, 1.0)
+            colours[obstacle] = _OBSTACLE_COLOUR * shade[obstacle, None]
+            if np.any(room):  # a foundation under the floor is not to be seen
+                lower, upper = position[room].min(axis=0), position[room].max(axis=0)
+                faced &= np.all((position > lower - 1e-3 * frame.spacing) & (position < upper + frame.spacing), axis=1)
+        shown |= faced & (normal @ camera.axes[2] > 0.02)
     rows = np.flatnonzero(shown)
     radius = np.where(fluid[rows], 0.6, 0.8) * frame.spacing
     return raster.paint_spheres(camera, position[rows], radius, colours[rows], fluid[rows])
+
+
+_LIGHT = np.array([-0.5, 0.55, 0.67])  # right, up, towards the eye
+
+
+def _obstacles(
+    frame: vtkhdf.Frame, surface: NDArray[np.float64], normal: NDArray[np.float64], faced: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Return which rows belong to bodies that stand in the water: their faces look away from their middle."""
+    result = np.zeros(len(surface), dtype=bool)
+    if "body" not in frame:
+        return result
+    body = np.asarray(frame["body"])
+    for index in np.unique(body[faced]):
+        mine = faced & (body == index)
+        away = surface[mine] - surface[mine].mean(axis=0)
+        if np.einsum("ij,ij->", away, normal[mine]) > 0.0:
+            result |= body == index
+    return result
 
 
 # ------------------------------------------------------------------------------------------- figures
@@ -470,6 +500,8 @@ class Pictures(Output):
         self.drawn: list[Path] = []
 
     def finish(self, run: RunLike) -> None:
+        if getattr(run, "hurried", False):  # the machine is wanted for something else
+            return
         self.drawn = draw_run(run.folder, self.settings, self.references, str(getattr(run.case, "title", "") or ""))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from spume.outputs.gauge import Gauge, Recorder
 from spume.outputs.output import Output, RunLike
@@ -34,6 +35,15 @@ class Gauges(Output):
             gauge.check(snapshot)
         self.recorders = tuple(Recorder(g, path(run.folder, g.name)) for g in self.gauges)
         self.after_step(run)
+
+    def state(self) -> dict[str, Any]:
+        return {recorder.gauge.name: recorder.state() for recorder in self.recorders}
+
+    def resume(self, run: RunLike, state: dict[str, Any]) -> None:
+        snapshot = run.simulation.snapshot().keep(self._reads)
+        self.recorders = tuple(Recorder(g, path(run.folder, g.name)) for g in self.gauges)
+        for recorder in self.recorders:
+            recorder.resume(snapshot, state[recorder.gauge.name])
 
     def after_step(self, run: RunLike) -> None:
         if not self.recorders:

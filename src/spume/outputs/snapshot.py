@@ -28,6 +28,17 @@ class FieldLike(Protocol):
     def output(self) -> bool: ...
 
 
+class PoseLike(Protocol):
+    """What a snapshot needs to know of where a body is; ``spume.motion.Pose`` has it."""
+
+    def origin(self, points: NDArray[np.float64]) -> NDArray[np.float64]: ...
+
+    def unturned(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]: ...
+
+
+_TURNING = ("velocity", "acceleration", "pressure_gradient", "to_surface")
+
+
 class Snapshot:
     """Read-only view of all rows at one instant.
 
@@ -47,6 +58,7 @@ class Snapshot:
         n0: particle number density of the regular arrangement [1].
         bodies: labels of the bodies, in the order of the field ``body``.
         fields: field name to its description (unit, doc, output).
+        poses: label of each body that moves to where it is, relative to the start.
     """
 
     def __init__(
@@ -62,6 +74,7 @@ class Snapshot:
         n0: float = float("nan"),
         bodies: tuple[str, ...] = (),
         fields: Mapping[str, FieldLike] | None = None,
+        poses: Mapping[str, PoseLike | None] | None = None,
     ) -> None:
         self.time = float(time)
         self.step = int(step)
@@ -72,6 +85,7 @@ class Snapshot:
         self.n0 = float(n0)
         self.bodies = tuple(bodies)
         self.fields: Mapping[str, FieldLike] = {} if fields is None else fields
+        self.poses = {name: pose for name, pose in (poses or {}).items() if pose is not None}
         self._fetch: Callable[[str], NDArray[Any]] | None = fetch
         self._arrays: dict[str, NDArray[Any]] = {}
         self._derived: dict[Any, Any] = {}
@@ -118,6 +132,17 @@ class Snapshot:
             self._derived[key] = compute(self)
         return self._derived[key]
 
+    def seen_from(self, body: str | None) -> Snapshot:
+        """Return the snapshot in the coordinates of a body: places and directions as they were at the start.
+
+        Velocities stay those relative to the frame of the run, in the body's axes. Of a body that rests, and of
+        None, the coordinates are those of the run.
+        """
+        pose = None if body is None else self.poses.get(body)
+        if pose is None:
+            return self
+        return self.derived(("seen from", body), lambda s: _turned(s, pose))
+
     def keep(self, names: tuple[str, ...]) -> Snapshot:
         """Return a snapshot with these fields fetched, which stays valid after the next step."""
         kept = Snapshot(
@@ -131,6 +156,7 @@ class Snapshot:
             n0=self.n0,
             bodies=self.bodies,
             fields=self.fields,
+            poses=self.poses,
         )
         for name in names:
             kept[name]
@@ -146,3 +172,26 @@ class Snapshot:
         """Return the one-sentence description of a field, ``""`` where it is unknown."""
         field = self.fields.get(name)
         return "" if field is None else field.doc
+
+
+def _turned(snapshot: Snapshot, pose: PoseLike) -> Snapshot:
+    """Return a snapshot in the coordinates of a body that has this pose."""
+
+    def fetch(name: str) -> NDArray[Any]:
+        values = snapshot[name]
+        if name == "position":
+            return pose.origin(np.asarray(values, dtype=float))
+        return pose.unturned(np.asarray(values, dtype=float)) if name in _TURNING else values
+
+    return Snapshot(
+        fetch,
+        time=snapshot.time,
+        step=snapshot.step,
+        dt=snapshot.dt,
+        spacing=snapshot.spacing,
+        dimension=snapshot.dimension,
+        gravity=pose.unturned(snapshot.gravity),
+        n0=snapshot.n0,
+        bodies=snapshot.bodies,
+        fields=snapshot.fields,
+    )

@@ -3,30 +3,30 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from spume.outputs.disk import replace_text
 from spume.outputs.frames import _version
 from spume.outputs.log import Log, is_count
 from spume.outputs.output import Output, Outputs, RunLike
 from spume.outputs.reference import Compare
 
 FILE = "summary.json"
-_COMPILING = 3  # steps that may compile kernels
 
 
 class Summary(Output):
     """Writes ``summary.json`` at the start and, complete, at the end.
 
-    ``wall_time`` is that of the whole run, ``wall_time_steps`` that of the steps without outputs and
-    without the compilation of kernels: what the first three steps took beyond the median of the
-    others is ``wall_time_compilation``. ``us_per_fluid_particle_step`` is ``wall_time_steps`` over
-    the sum of fluid particles over all steps. ``volume_drift`` is relative to the first step.
+    ``sessions`` counts the processes that computed the run. ``wall_time`` is that of the whole run,
+    ``wall_time_steps`` that of the steps without outputs and without the compilation of kernels: what the
+    first three steps of a process took beyond the median of the others is ``wall_time_compilation``.
+    ``us_per_fluid_particle_step`` is ``wall_time_steps`` over the sum of fluid particles over all steps.
+    ``volume_drift`` is relative to the first step. In a run that was continued all of them are those of the
+    work that was kept: what came after a checkpoint and was lost is not counted.
     """
 
     def __init__(self, log: Log, compare: Compare) -> None:
@@ -36,20 +36,36 @@ class Summary(Output):
         self._fluid_steps = 0
         self._fluid = 0
         self._count = 0
-        self._iterations: list[int] = []
+        self._solves = 0
+        self._iterations = 0
+        self._iterations_max: int | None = None
         self._limiters: dict[str, int] = {}
-        self._first_step = 0
+        self._sessions = 1
+        self._memory = 0
 
     def start(self, run: RunLike) -> None:
-        self._first_step = run.simulation.step_index
         snapshot = run.simulation.snapshot()
         self._fluid = int(snapshot.fluid.sum())
         self._count = len(snapshot)
         self._write(run)
 
+    def state(self) -> dict[str, Any]:
+        names = ("fluid_steps", "fluid", "solves", "iterations", "iterations_max", "limiters", "sessions")
+        return {name: getattr(self, f"_{name}") for name in names} | {"memory": max(self._memory, peak_memory() or 0)}
+
+    def resume(self, run: RunLike, state: dict[str, Any]) -> None:
+        for name, value in state.items():
+            setattr(self, f"_{name}", value)
+        self._sessions += 1
+        self._count = len(run.simulation.snapshot())
+        self._write(run)
+
     def after_step(self, run: RunLike) -> None:
         statistics = run.simulation.statistics
-        self._iterations.append(int(statistics.get("iterations", 0)))
+        iterations = int(statistics.get("iterations", 0))
+        self._solves += 1
+        self._iterations += iterations
+        self._iterations_max = max(iterations, self._iterations_max or 0)
         for name, value in statistics.items():
             if is_count(name, value):
                 self._limiters[name] = self._limiters.get(name, 0) + int(value)
@@ -64,25 +80,21 @@ class Summary(Output):
     def _write(self, run: RunLike) -> None:
         path = run.folder / FILE
         text = json.dumps(self.numbers(run), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-        partial = path.with_name(FILE + ".partial")
-        partial.write_text(text, encoding="utf-8")
-        os.replace(partial, path)
+        replace_text(path, text)
 
     def numbers(self, run: RunLike) -> dict[str, Any]:
         """Return what the file says."""
         simulation = run.simulation
-        times = np.array(self.clock.step_times if self.clock else [], dtype=float)
-        compiling = 0.0
-        if len(times) > 2 * _COMPILING:
-            usual = float(np.median(times[_COMPILING:]))
-            compiling = float(np.sum(np.maximum(times[:_COMPILING] - usual, 0.0)))
-        wall_time_steps = float(times.sum()) - compiling
-        started = self.clock.started if self.clock else time.perf_counter()
+        times = self.clock.times() if self.clock else {}
+        wall_time_steps = times.get("steps", 0.0)
         drift = self.log.volume / self.log.initial_volume - 1.0 if self.log.initial_volume > 0.0 else None
         numbers = {
             "version": _version(),
             "title": str(getattr(run.case, "title", "") or ""),
             "status": run.status,
+            "reason": getattr(run, "reason", "") or None,
+            "failure": getattr(run, "failure", None),
+            "sessions": self._sessions,
             "device": str(getattr(run, "device", "")),
             "threads": getattr(run, "threads", None),
             "precision": str(getattr(run, "precision", "")),
@@ -92,14 +104,14 @@ class Summary(Output):
             "particles_fluid": self._fluid,
             "steps": simulation.step_index,
             "simulated_time": simulation.time,
-            "wall_time": time.perf_counter() - started,
+            "wall_time": times.get("wall", 0.0),
             "wall_time_steps": wall_time_steps,
-            "wall_time_compilation": compiling,
-            "wall_time_outputs": self.clock.output_time if self.clock else 0.0,
+            "wall_time_compilation": times.get("compilation", 0.0),
+            "wall_time_outputs": times.get("outputs", 0.0),
             "us_per_fluid_particle_step": (1e6 * wall_time_steps / self._fluid_steps if self._fluid_steps else None),
-            "pressure_iterations_mean": float(np.mean(self._iterations)) if self._iterations else None,
-            "pressure_iterations_max": max(self._iterations, default=None),
-            "peak_memory_bytes": peak_memory(),
+            "pressure_iterations_mean": self._iterations / self._solves if self._solves else None,
+            "pressure_iterations_max": self._iterations_max,
+            "peak_memory_bytes": max(self._memory, peak_memory() or 0) or None,
             "volume_drift": drift,
             "counts": self._limiters,
             "stage_times": {k: float(v) for k, v in getattr(simulation, "stage_times", {}).items()},

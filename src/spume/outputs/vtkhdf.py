@@ -28,6 +28,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from spume.outputs.disk import need_room
 from spume.outputs.snapshot import Snapshot
 
 DEFAULT_FIELDS = (
@@ -88,6 +89,13 @@ class Writer:
         arrays = {"position": _stored(snapshot["position"][order].astype(float))}
         for name in ("id", *self.fields):
             arrays[name] = _stored(snapshot[name][order])
+        need_room(self.path.parent, sum(values.nbytes for values in arrays.values()))
+        try:
+            self._write(snapshot, arrays)
+        except RuntimeError as error:  # some errors of the disk reach us in this form
+            raise OSError(f"{self.path}: {error}") from error
+
+    def _write(self, snapshot: Snapshot, arrays: dict[str, NDArray[Any]]) -> None:
         if self._file is None:
             self._create(snapshot, arrays)
         self._append(arrays)
@@ -100,6 +108,52 @@ class Writer:
         self._file.flush()
         if self.steps == 1:
             self._publish()
+
+    def state(self) -> dict[str, Any]:
+        """Return what `reopened` needs; the frames until now are on the disk then."""
+        self._file.flush()
+        with self.path.open("rb") as file:
+            os.fsync(file.fileno())
+        last = {name: [offset, len(values)] for name, (offset, values) in self._last.items()}
+        return {"frames": self.steps, "ahead": self.frames_ahead, "used": dict(self._used), "last": last}
+
+    @classmethod
+    def reopened(cls, path: Path, fields: Iterable[str], state: dict[str, Any]) -> Writer:
+        """Return the writer of a file that exists, as it was when `state` was taken; later frames are dropped.
+
+        Raises:
+            OSError: the file is gone, or damaged, or lacks frames that it had.
+        """
+        import h5py
+
+        writer = cls.__new__(cls)
+        writer.path = path
+        writer.fields = tuple(dict.fromkeys(f for f in fields if f not in ("position", "id")))
+        writer.frames_ahead, writer.steps = state["ahead"], state["frames"]
+        writer._attributes = {}
+        writer._used = dict(state["used"])
+        writer._exact = {name for name in writer._used if _is_exact(name.removeprefix("VTKHDF/"))}
+        try:
+            writer._file = h5py.File(path, "r+", libver="earliest", locking=False)
+            for name, used in writer._used.items():
+                if writer._file[name].shape[0] < used:
+                    raise OSError(f"{name} has {writer._file[name].shape[0]} rows, the checkpoint knows of {used}")
+            # In the order in which a reader may look at any moment: no list of times longer than NSteps says.
+            values = "VTKHDF/Steps/Values"
+            for name in (values, *sorted(writer._exact - {values})):
+                if writer._file[name].shape[0] > writer._used[name]:
+                    writer._file[name].resize(writer._used[name], axis=0)
+                writer._file.flush()
+                if name == values:
+                    writer._file["VTKHDF/Steps"].attrs.modify("NSteps", np.int64(writer.steps))
+                    writer._file.flush()
+            writer._last = {
+                name: (offset, writer._file["VTKHDF/" + _dataset_name(name)][offset : offset + length])
+                for name, (offset, length) in state["last"].items()
+            }
+        except (KeyError, RuntimeError) as error:
+            raise OSError(f"{path}: {error}") from error
+        return writer
 
     def close(self) -> None:
         """Give back the room that was not used and close the file."""
@@ -171,7 +225,7 @@ class Writer:
         leaf = name.rpartition("/")[2].encode()
         made = h5py.h5d.create(group.id, leaf, h5py.h5t.py_create(dtype), space, properties)
         self._used["VTKHDF/" + name] = 0
-        if name.startswith("Steps/") or "NumberOf" in name:
+        if _is_exact(name):
             self._exact.add("VTKHDF/" + name)
         return h5py.Dataset(made)
 
@@ -367,6 +421,11 @@ def _opened(path: Path, h5py: Any) -> Any:
 
 def _dataset_name(field: str) -> str:
     return "Points" if field == "position" else f"PointData/{field}"
+
+
+def _is_exact(name: str) -> bool:
+    """Return whether a dataset always has exactly its length, as VTK takes lists of counts and steps whole."""
+    return name.startswith("Steps/") or "NumberOf" in name
 
 
 def _stored(values: NDArray[Any]) -> NDArray[Any]:

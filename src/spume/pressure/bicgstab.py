@@ -33,7 +33,7 @@ class StabilisedBiconjugateGradient(Solver, name="bicgstab"):
         matrix = [system.start, particles[system.length], system.column, system.value]
         start(
             *matrix, *vectors, particles[system.rhs], particles[system.state], partial, scalars, running,
-            self.tolerance, particles.count,
+            self.tolerance, particles.active,
         )  # fmt: skip
         if int(kernels.host(running)) == 1:
             iterate(
@@ -44,7 +44,7 @@ class StabilisedBiconjugateGradient(Solver, name="bicgstab"):
                 running,
                 self.tolerance,
                 self.largest_iterations,
-                particles.count,
+                particles.active,
             )
         return solution(kernels.host(scalars), self)
 

@@ -27,17 +27,17 @@ class Components:
         """Make the right side of each floating component sum to zero; return the components' rows."""
         kernel = _label_kernel()
         state, label = particles[system.state], particles["component"]
-        _start_kernel()(state, label, particles.count)
+        _start_kernel()(state, label, particles.active)
         while True:
             self._changed.fill(0)
             kernel(
                 system.start, particles[system.length], system.column, state, label,
-                particles[system.grounded], self._changed, particles.count,
+                particles[system.grounded], self._changed, particles.active,
             )  # fmt: skip
             if kernels.host(self._changed)[0] == 0:
                 break
         self._floating.fill(0)
-        _ground_kernel()(state, label, particles[system.grounded], self._floating, particles.count)
+        _ground_kernel()(state, label, particles[system.grounded], self._floating, particles.active)
         if kernels.host(self._floating)[0] == 0:
             return []
         labels, tied = particles.numpy("component"), particles.numpy(system.grounded)

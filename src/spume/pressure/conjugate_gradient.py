@@ -38,7 +38,7 @@ class ConjugateGradient(Solver, name="cg"):
         matrix = [system.start, particles[system.length], system.column, system.value]
         start(
             *matrix, *vectors, particles[system.rhs], particles[system.state], partial, scalars, running,
-            self.tolerance, particles.count,
+            self.tolerance, particles.active,
         )  # fmt: skip
         if int(kernels.host(running)) == 1:
             iterate(
@@ -49,7 +49,7 @@ class ConjugateGradient(Solver, name="cg"):
                 running,
                 self.tolerance,
                 self.largest_iterations,
-                particles.count,
+                particles.active,
             )
         return solution(kernels.host(scalars), self)
 

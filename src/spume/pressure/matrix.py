@@ -167,7 +167,7 @@ class LinearSystem:
             particles[self.length], particles[self.grounded],
             pairs.list.start, pairs.list.length, pairs.list.neighbour, self.column, self.value,
             *[particles[n] for n in (*near, *own)],
-            particles.count, laplacian.radius(lattice), laplacian.scale(lattice), *arguments,
+            particles.active, laplacian.radius(lattice), laplacian.scale(lattice), *arguments,
             *pairs.list.period,
         )  # fmt: skip
 

@@ -100,7 +100,7 @@ class _Workspace:
         vectors = [particles[n] for n in (system.solution, system.rhs, "multigrid_direction", "multigrid_product")]
         vectors += [self._partial, self._scalars]
         self._state, self._symmetric = particles[system.state], system.symmetric
-        alone = aggregation.blocks(particles.count) == 1
+        alone = aggregation.blocks(particles.active) == 1
         build = self._build_in_one_thread if alone else self._build_with_threads
         while True:
             depth, lacking = build(level, particles)
@@ -125,7 +125,7 @@ class _Workspace:
     def _arguments(self, level: Any, particles: Particles) -> list[Any]:
         return [
             level, self._coarse, self._scratch, self._table, self._low, self._high, particles["position"],
-            self._state, float(aggregation.CELL * particles.spacing), particles.count, self._rows,
+            self._state, float(aggregation.CELL * particles.spacing), particles.active, self._rows,
             self._slots, self._cells,
         ]  # fmt: skip
 

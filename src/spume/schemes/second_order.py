@@ -92,7 +92,7 @@ def second_order_vectors(
     )
     kernel(
         particles["position"], particles["kind"], pairs.list.start, pairs.list.length, pairs.list.neighbour,
-        particles["fit_degree"], *[particles[n] for n in outs], scratch, particles.count,
+        particles["fit_degree"], *[particles[n] for n in outs], scratch, particles.active,
         operator.radius(lattice), float(l0), float(1.0 / operator.n0(lattice)), float(1.0 / first_moment),
         float(d / fourth_moment), *pairs.list.period,
     )  # fmt: skip

@@ -22,7 +22,6 @@ from spume.steps.base import (
     moved,
     moved_by_change,
     solve_pressure,
-    stage,
     surface_pressure,
 )
 from spume.wall_models.base import WallModel
@@ -63,31 +62,33 @@ class PredictMoveProject(Step, name="predict-move-project"):
         for body in bodies:
             body.prescribe(particles, t, dt)
 
-        with stage("search"):
+        with domain.stages("search"):
             removed = pairs.update(particles)
-        with stage("source"):
+        with domain.stages("source"):
             self.source.remember(lattice, particles, pairs, self.number_density, self.wall_model.mirror)
-        with stage("forces"):
-            accelerate(domain, t)
+        with domain.stages("forces"):
+            accelerate(domain, t, dt)
             self.wall_model.show_slip(lattice, particles, pairs)
             self.viscosity(lattice, particles, pairs, dt)
             for body in bodies:
                 body.force(particles, pairs, dt)
             row_map(accelerated, particles, out="velocity", rows=self.wall_model.predicted, arguments=(dt,))
             row_map(moved, particles, out="position", rows=FLUID, arguments=(dt,))
+            for body in bodies:
+                body.move(particles, t + dt)
             self.collision(lattice, particles, pairs, dt)
 
-        with stage("search"):
+        with domain.stages("search"):
             removed += pairs.update(particles)
         outside = surface_pressure(self, domain, t)
-        with stage("source"):
+        with domain.stages("source"):
             self.number_density(lattice, particles, pairs)
             self.wall_model.count_fluid(lattice, particles, pairs)
             self.free_surface(lattice, particles, pairs, self.number_density)
             self.wall_model.neumann(particles, dt)
             self.source(lattice, particles, pairs, dt, self.divergence, self.number_density, self.wall_model.mirror)
         figures = solve_pressure(self, domain, outside, dt)
-        with stage("correction"):
+        with domain.stages("correction"):
             self.wall_model.extrapolate(lattice, particles, pairs)
             view = self.wall_model.view(dt)
             self.gradient(lattice, particles, pairs, over=self.wall_model.carriers, view=view, dt=dt)
@@ -96,7 +97,7 @@ class PredictMoveProject(Step, name="predict-move-project"):
             self.wall_model.rest(particles)
             row_map(moved_by_change, particles, out="position", rows=FLUID, arguments=(dt,))
 
-        with stage("tidying"):
+        with domain.stages("tidying"):
             self.shifting(lattice, particles, pairs, self.number_density, dt)
         for body in bodies:
             body.respond(particles, t, dt)

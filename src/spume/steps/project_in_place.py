@@ -24,7 +24,6 @@ from spume.steps.base import (
     corrected,
     moved,
     solve_pressure,
-    stage,
     surface_pressure,
 )
 
@@ -60,14 +59,14 @@ class ProjectInPlace(Step, name="project-in-place"):
         for body in bodies:
             body.prescribe(particles, t, dt)
 
-        with stage("search"):
+        with domain.stages("search"):
             removed = pairs.update(particles)
-        with stage("forces"):
+        with domain.stages("forces"):
             self.number_density(lattice, particles, pairs)
             self.wall_model.count_fluid(lattice, particles, pairs)
             self.free_surface(lattice, particles, pairs, self.number_density)
             self.source.remember(lattice, particles, pairs, self.number_density, self.wall_model.mirror)
-            accelerate(domain, t)
+            accelerate(domain, t, dt)
             self.wall_model.show_slip(lattice, particles, pairs)
             self.viscosity(lattice, particles, pairs, dt)
             for body in bodies:
@@ -75,19 +74,21 @@ class ProjectInPlace(Step, name="project-in-place"):
             row_map(accelerated, particles, out="velocity", rows=self.wall_model.predicted, arguments=(dt,))
 
         outside = surface_pressure(self, domain, t)
-        with stage("source"):
+        with domain.stages("source"):
             self.wall_model.neumann(particles, dt)
             self.source(lattice, particles, pairs, dt, self.divergence, self.number_density, self.wall_model.mirror)
         figures = solve_pressure(self, domain, outside, dt)
-        with stage("correction"):
+        with domain.stages("correction"):
             self.wall_model.extrapolate(lattice, particles, pairs)
             view = self.wall_model.view(dt)
             self.gradient(lattice, particles, pairs, over=self.wall_model.carriers, view=view, dt=dt, moved=False)
             row_map(corrected, particles, out="velocity", rows=FLUID, arguments=(dt,))
             self.wall_model.rest(particles)
             row_map(moved, particles, out="position", rows=FLUID, arguments=(dt,))
+            for body in bodies:
+                body.move(particles, t + dt)
 
-        with stage("tidying"):
+        with domain.stages("tidying"):
             self.collision(lattice, particles, pairs, dt)
             self.shifting(lattice, particles, pairs, self.number_density, dt)
         for body in bodies:

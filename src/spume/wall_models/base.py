@@ -85,7 +85,7 @@ class WallModel(Operator, family="wall_model"):
 
     def rest(self, particles: Particles) -> None:
         """Give solid rows the velocity of their wall again."""
-        row_map(at_rest_on_wall, particles, out="velocity", rows=SOLID)
+        row_map(at_rest_on_wall, particles, out="velocity", rows=SOLID, dry=True)
 
     def extrapolate(self, lattice: Lattice, particles: Particles, pairs: Pairs) -> None:
         """Write ``pressure`` of the solid rows that the matrix does not solve for."""

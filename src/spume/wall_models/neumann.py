@@ -86,7 +86,7 @@ class Neumann(WallModel, name="neumann"):
         row_map(mean_pressure, particles, out="pressure", rows=WALL)
         _extrapolation_kernel(particles.dimension)(
             particles["kind"], particles["master"], particles["position"], particles["wall_gradient"],
-            particles["pressure"], particles.rows_by_id(), particles.count,
+            particles["pressure"], particles.rows_by_id(), particles.active,
         )  # fmt: skip
 
 

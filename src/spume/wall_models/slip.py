@@ -88,7 +88,7 @@ def image_velocities(operator: Operator, lattice: Lattice, particles: Particles,
         particles["kind"], particles["slip"], particles["master"], particles["position"], particles["to_surface"],
         particles["velocity"], particles["wall_velocity"], particles["near_weight"], particles["near_offset"],
         particles["near_velocity"], particles["near_gradient"], particles["slip_velocity"],
-        particles.rows_by_id(), particles.count,
+        particles.rows_by_id(), particles.active,
     )  # fmt: skip
 
 

@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spume.outputs.connected import main_body
-from spume.outputs.gauge import Gauge
+from spume.outputs.gauge import Riding
 from spume.outputs.snapshot import FLUID, Snapshot
 
 _RADIUS = 2.5  # of the smoothing kernel [l0]: a single drop stays below one half everywhere
 _STEPS = 8  # heights tried per l0
 
 
-class Elevation(Gauge, name="elevation"):
+class Elevation(Riding, name="elevation"):
     """Elevation of the free surface on a line against gravity.
 
     The surface is where the filled fraction of space is one half,
@@ -34,6 +34,8 @@ class Elevation(Gauge, name="elevation"):
     * ``wetted_length``: the length of line in the water, which a wire probe measures, above the
       lowest wet point.
 
+    On a body the line is fixed to it and turns with it, as a wire stretched in a tank does.
+
     On a dry floor ``elevation`` and ``first_surface`` are the floor's; without floor and fluid NaN.
     """
 
@@ -46,6 +48,7 @@ class Elevation(Gauge, name="elevation"):
         return {"elevation": "m", "first_surface": "m", "wetted_length": "m"}
 
     def check(self, snapshot: Snapshot) -> None:
+        super().check(snapshot)
         d = snapshot.dimension
         if len(self.at) != d - 1:
             raise ValueError(
@@ -53,6 +56,7 @@ class Elevation(Gauge, name="elevation"):
             )
 
     def measure(self, snapshot: Snapshot) -> dict[str, float]:
+        snapshot = snapshot.seen_from(self.body)
         l0, d = snapshot.spacing, snapshot.dimension
         radius = _RADIUS * l0
         position = np.asarray(snapshot["position"], dtype=float)

@@ -15,17 +15,17 @@ from spume.outputs.snapshot import WALL, Snapshot
 class Force(Gauge, name="force"):
     """Force and moment that the water's pressure exerts on a body.
 
-    F = −Σ p_s,i n_i l0^(d−1),   M = Σ (x_s,i − c) × (−p_s,i n_i l0^(d−1)),   i: wet wall rows,
+    F = −Σ p_s,i n_i A_i,   M = Σ (x_s,i − c) × (−p_s,i n_i A_i),   i: wet wall rows,
 
     n_i = to_surface / |to_surface| looks into the water, x_s,i = x_i + to_surface lies on the wall's
     surface, and p_s,i = p_i + ρ g·to_surface takes the row's pressure there with the inhomogeneous
-    wall condition. A wall row is wet if fluid is within 1.5 l0. Rows behind a corner (farther than
-    0.6 l0 from the surface) have no face of their own: the faces of a flat wall are covered by the
-    rows opposite to it. Where one row stands behind both faces of an outer corner it counts for the
-    face to which it points, so such a body lacks up to l0 of the other face. Friction is not included.
+    wall condition. A wall row is wet if fluid is within 1.5 l0. A_i is the row's ``face_area``, l0^(d−1) on a
+    flat wall along the lattice; rows behind an inner corner have none. Where one row stands behind both
+    faces of an outer corner it counts for the face to which it points, so such a body lacks up to l0 of
+    the other face. Friction is not included.
     """
 
-    reads: ClassVar[tuple[str, ...]] = ("position", "pressure", "density", "kind", "body", "to_surface")
+    reads: ClassVar[tuple[str, ...]] = ("position", "pressure", "density", "kind", "body", "to_surface", "face_area")
 
     body: str
     """Name of the body."""
@@ -45,18 +45,19 @@ class Force(Gauge, name="force"):
             self.vector("origin", self.origin, snapshot.dimension)
 
     def measure(self, snapshot: Snapshot) -> dict[str, float]:
-        l0, d = snapshot.spacing, snapshot.dimension
+        d = snapshot.dimension
         index = snapshot.bodies.index(self.body)
         rows = np.flatnonzero((np.asarray(snapshot["kind"]) == WALL) & (np.asarray(snapshot["body"]) == index))
         to_surface = np.asarray(snapshot["to_surface"], dtype=float)[rows]
-        distance = np.linalg.norm(to_surface, axis=1)
-        faced = (distance > 0.0) & (distance < 0.6 * l0)
-        rows, to_surface, distance = rows[faced], to_surface[faced], distance[faced]
+        area = np.asarray(snapshot["face_area"], dtype=float)[rows]
+        faced = area > 0.0
+        rows, to_surface, area = rows[faced], to_surface[faced], area[faced]
         wet = wet_rows(snapshot, rows)
-        rows, to_surface, distance = rows[wet], to_surface[wet], distance[wet]
+        rows, to_surface, area = rows[wet], to_surface[wet], area[wet]
+        distance = np.linalg.norm(to_surface, axis=1)
         p = np.asarray(snapshot["pressure"], dtype=float)[rows]
         p = p + np.asarray(snapshot["density"], dtype=float)[rows] * (to_surface @ snapshot.gravity)
-        force: NDArray[np.float64] = -p[:, None] * to_surface / distance[:, None] * l0 ** (d - 1)
+        force: NDArray[np.float64] = -(p * area / distance)[:, None] * to_surface
         centre = np.zeros(d) if self.origin is None else np.asarray(self.origin, dtype=float)
         arm = np.asarray(snapshot["position"], dtype=float)[rows] + to_surface - centre
         total = force.sum(axis=0)

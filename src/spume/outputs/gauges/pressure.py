@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from spume.outputs.gauge import Gauge
+from spume.outputs.gauge import Riding
 from spume.outputs.snapshot import FLUID, WALL, Snapshot
 
 _RADIUS = 2.0  # of the average [l0]
@@ -16,7 +16,7 @@ _REACH = 1.5  # a wall row is wet, and a point is reached, if fluid is within th
 _LARGEST_CONDITION = 1e4  # of the moments; beyond it the average is of order zero
 
 
-class Pressure(Gauge, name="pressure"):
+class Pressure(Riding, name="pressure"):
     """Pressure at a point, or averaged over the face of a sensor.
 
     At a point x the pressure is the value a of the plane fitted to the rows within R = 2 l0,
@@ -47,6 +47,7 @@ class Pressure(Gauge, name="pressure"):
         return {"pressure": "Pa"}
 
     def check(self, snapshot: Snapshot) -> None:
+        super().check(snapshot)
         self.vector("at", self.at, snapshot.dimension)
         if self.normal is not None:
             n = self.vector("normal", self.normal, snapshot.dimension)
@@ -59,6 +60,7 @@ class Pressure(Gauge, name="pressure"):
             )
 
     def measure(self, snapshot: Snapshot) -> dict[str, float]:
+        snapshot = snapshot.seen_from(self.body)
         l0 = snapshot.spacing
         position = np.asarray(snapshot["position"], dtype=float)
         centre = np.asarray(self.at, dtype=float)

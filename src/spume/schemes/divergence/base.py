@@ -11,10 +11,9 @@ from spume.schemes.operator import Operator
 def mirrored(a, b, mirror):  # type: ignore[no-untyped-def]
     """Return the difference of velocity of a pair; towards a solid row, that of a mirror particle if asked for."""
     difference = b.velocity - a.velocity
-    if mirror > 0.5 and b.kind != FLUID:
-        normal = b.to_surface.normalized()
-        difference = 2.0 * difference.dot(normal) * normal
-    return difference
+    normal = b.to_surface.normalized(1e-30)
+    solid = kernels.qd.cast(mirror > 0.5, kernels.i32) & kernels.qd.cast(b.kind != FLUID, kernels.i32)
+    return kernels.qd.select(solid, 2.0 * difference.dot(normal) * normal, difference)
 
 
 class Divergence(Operator, family="divergence"):
