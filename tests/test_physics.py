@@ -116,6 +116,30 @@ def test_a_drop_falls_freely(device, step):
     assert u[:, 1] == pytest.approx(2.0 - 9.81 * simulation.time)
 
 
+def test_a_falling_drop_keeps_its_size(device):
+    """The default step: what falls freely has no pressure, at its surface neither; 0.1 l0 in 0.12 s at most."""
+    simulation = build(drop(time={"step_max": 0.004}), device)
+
+    def outline():
+        x = by_id(simulation, "position")
+        return np.linalg.norm(x - x.mean(axis=0), axis=1).max()
+
+    start = outline()
+    advanced(simulation, until=0.12)
+    assert outline() == pytest.approx(start, abs=0.1 * 0.02)
+    assert np.abs(by_id(simulation, "pressure")).max() < 0.1 * RHO_G * 0.02
+
+
+def test_the_surface_pressure_at_rest_is_that_of_half_a_spacing(device):
+    """Without an initial pressure too: rho g l0/2 at the centres after a few steps."""
+    step = ProjectInPlace(solver=ConjugateGradient(tolerance=1e-9))
+    simulation = advanced(build(column(step=step, periodic=True), device), steps=60)
+    x, p = by_id(simulation, "position", "pressure")
+    top = x[:, 1] > 0.5 - 0.025
+    assert top.sum() == 8
+    assert p[top] == pytest.approx(RHO_G * (0.5 - x[top, 1]), rel=0.1)
+
+
 @pytest.mark.parametrize("step", [ProjectInPlace(), PredictMoveProject()], ids=lambda s: s.key)
 def test_a_lone_particle_flies_ballistically(device, step):
     """Also beside a body of water that has a pressure."""

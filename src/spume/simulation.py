@@ -81,6 +81,7 @@ class Simulation:
         particles = domain.particles
         speed = particles.largest_norm("velocity", ANY)
         if clock.step == 0:
+            self.step.begin(domain)
             self._acceleration = float(np.linalg.norm(domain.gravity.at(0.0)))
             if domain.gravity.stiffness:
                 reach = np.abs(particles.numpy("position") - domain.gravity.focus).max()

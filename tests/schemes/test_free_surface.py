@@ -4,10 +4,24 @@ import numpy as np
 import pytest
 
 from arrangements import block, inside, offsets, table, weights
+from spume.pressure.matrix import SYSTEM_FIELDS
+from spume.schemes.free_surface.asymmetry import Asymmetry, flat_sum
 from spume.schemes.free_surface.base import SURFACE_SHARE
 from spume.schemes.free_surface.blended import Blended
+from spume.schemes.free_surface.detection_free import DetectionFree
+from spume.schemes.free_surface.divergence_of_position import DivergenceOfPosition
+from spume.schemes.free_surface.hybrid import Hybrid
 from spume.schemes.free_surface.number_density import LowNumberDensity
+from spume.schemes.free_surface.umbrella import Umbrella
+from spume.schemes.free_surface.vector import VectorFunction
+from spume.schemes.laplacian.original import Original as OriginalLaplacian
 from spume.schemes.number_density.base import Original as NumberDensity
+from spume.schemes.source.divergence import VelocityDivergence
+from spume.steps.predict_move_project import PredictMoveProject
+from spume.steps.project_in_place import ProjectInPlace
+from surfaces import SHAPES, by_id, errors, mark, surface
+from tanks import advanced, column
+from tanks import by_id as column_rows
 
 pytestmark = pytest.mark.usefixtures("runtime")
 
@@ -60,3 +74,125 @@ def test_share_falls_from_one_to_nothing():
     assert ((expected > 0) & (expected < 1)).any()
     assert particles.numpy("surface_share") == pytest.approx(expected, abs=1e-12)
     assert np.array_equal(particles.numpy("free_surface") == 1, expected > 0.5)
+
+
+ALL = {kind.key: kind() for kind in (LowNumberDensity, Blended, DivergenceOfPosition, Asymmetry, VectorFunction,
+                                     Umbrella, Hybrid, DetectionFree)}  # fmt: skip
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("name", ALL)
+def test_surfaces_of_the_lattice(name, d):
+    """On the regular arrangement every row of every surface is found, and none inside.
+
+    Blended and vector leave out some rows in the concave corners of a small bubble and of tank and surface in 3D.
+    """
+    for shape in SHAPES:
+        case = surface(shape, d)
+        assert (case.on.sum() > 0) == (shape != "bulk")
+        missed, wrong = errors(ALL[name], case)
+        assert wrong == 0, shape
+        concave = d == 3 and name in ("blended", "vector") and shape in ("bubble", "tank")
+        assert missed <= (case.on.sum() // 2 if concave else 0), shape
+
+
+LARGEST = {  # missed on the surface, marked inside, as parts of all such rows; disturbed by 0.2 l0
+    "number-density": (0.05, 0.25),
+    "blended": (0.25, 0.02),
+    "divergence-of-position": (0.10, 0.05),
+    "asymmetry": (0.05, 0.16),
+    "vector": (0.15, 0.01),
+    "umbrella": (0.05, 0.0),
+    "hybrid": (0.04, 0.0),
+    "detection-free": (0.20, 0.05),
+}
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("name", ALL)
+def test_surfaces_of_a_disordered_fluid(name, d):
+    found, on, off = np.zeros(2), 0, 0
+    for shape in SHAPES:
+        case = surface(shape, d, disturbance=0.2)
+        found += errors(ALL[name], case)
+        on, off = on + case.on.sum(), off + case.off.sum()
+    missed, wrong = found / [on, off]
+    assert missed <= LARGEST[name][0]
+    assert wrong <= LARGEST[name][1]
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_sums_of_the_detections_by_a_direct_sum(d):
+    """Divergence of position, asymmetry, vector function and umbrella on a disturbed ball of rows."""
+    case = surface("drop", d, disturbance=0.3)
+    r = offsets(case.position)
+    distance = np.linalg.norm(r, axis=2) + 9.0 * np.eye(len(r))
+    lattice, particles, _ = mark(DivergenceOfPosition(), case)
+    q = np.minimum(distance / 0.21, 1.0)
+    inner = surface("bulk", d)
+    period = offsets(inner.position, inner.period)
+    full = np.linalg.norm(period, axis=2) + 9.0 * np.eye(len(period))
+    q0 = np.minimum(full[0] / 0.21, 1.0)
+    expected = d * (q**2 * (1 - q) ** 3).sum(axis=1) / (q0**2 * (1 - q0) ** 3).sum()
+    assert by_id(particles, "position_divergence") == pytest.approx(expected, rel=1e-9)
+    _, particles, _ = mark(Asymmetry(), case)
+    near = (distance < 0.185)[:, :, None]
+    assert by_id(particles, "neighbour_offset") == pytest.approx((near * r).sum(axis=1), abs=1e-12)
+    assert flat_sum(1.85, d) == 3.0 ** (d - 1)
+    _, particles, _ = mark(VectorFunction(), case)
+    w = weights(r, NumberDensity().weight, 0.21)
+    expected = d / NumberDensity().n0(lattice) * (w[:, :, None] * r / distance[:, :, None]).sum(axis=1)
+    assert by_id(particles, "direction_sum") == pytest.approx(expected, abs=1e-12)
+    _, particles, _ = mark(Umbrella(), case)
+    n, h = by_id(particles, "surface_normal"), 0.105
+    rt = np.linalg.norm(r - h * n[:, None, :], axis=2)
+    far = (distance >= np.sqrt(2) * h) & (rt < h)
+    close = (distance < np.sqrt(2) * h) & (np.einsum("ijk,ik->ij", r, n) > np.cos(np.pi / 4) * distance)
+    under = (far | close) & (distance < 0.21)
+    assert np.array_equal(by_id(particles, "umbrella") == 1, under.any(axis=1))
+    moment = d / NumberDensity().n0(lattice) * np.einsum("ij,ijk,ijl->ikl", w / distance**2, r, r)
+    assert by_id(particles, "least_eigenvalue") == pytest.approx(np.linalg.eigvalsh(moment)[:, 0], abs=1e-9)
+    outside = case.position - case.position.mean(axis=0)
+    outward = np.einsum("ik,ik->i", n, outside / np.linalg.norm(outside, axis=1)[:, None])
+    assert outward[case.on].min() > 0.6, "normals point out of the ball"
+
+
+def test_the_printed_cone_is_a_cone():
+    """In 2D |n . x_jT| + |t . x_jT| < h and |x_ji| < sqrt(2) h is the cone of 45 degrees (review Eq. 31)."""
+    x = np.random.default_rng(5).uniform(-2, 2, (20000, 2))
+    x = x[np.linalg.norm(x, axis=1) < np.sqrt(2)]
+    printed = np.abs(x[:, 1] - 1) + np.abs(x[:, 0]) < 1
+    cone = x[:, 1] > np.cos(np.pi / 4) * np.linalg.norm(x, axis=1)
+    assert np.array_equal(printed, cone)
+
+
+def test_conceptual_particles_fill_the_diagonal():
+    """The diagonal becomes that of max(n, n0) neighbours, with the value zero; no row is left out of the matrix."""
+    case = surface("drop", 2, disturbance=0.2)
+    scheme, laplacian = DetectionFree(), OriginalLaplacian()
+    lattice, particles, number_density = mark(scheme, case, fields=SYSTEM_FIELDS)
+    particles.set("surface_value", np.full(len(case.position), 7.0))
+    scheme.draw(lattice, particles, laplacian, number_density)
+    n, n0 = by_id(particles, "number_density"), number_density.n0(lattice)
+    scale = 4.0 / (laplacian.lambda_(lattice) * n0) / 1000.0
+    assert by_id(particles, "surface_diagonal") == pytest.approx(scale * np.maximum(n0 - n, 0.0), abs=1e-12)
+    assert not by_id(particles, "surface_value").any()
+    assert not scheme.known
+    with pytest.raises(ValueError, match=r"detection-free.*density.*stretched"):
+        PredictMoveProject(free_surface=scheme)
+
+
+@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("step", [ProjectInPlace, PredictMoveProject], ids=lambda s: s.key)
+def test_a_column_stays_at_rest(runtime, device, name, step):
+    """Hydrostatic pressure and next to no motion with every detection, in both steps, walls beside the water."""
+    source = {} if ALL[name].known or step is ProjectInPlace else {"source": VelocityDivergence()}
+    case = column(step=step(free_surface=ALL[name], **source), cells=(8, 16), initial="hydrostatic")
+    simulation = advanced(case.build(device=device, threads=1, precision="double"), steps=15)
+    x, u, p = column_rows(simulation, "position", "velocity", "pressure")
+    # With the surface pressure at the centres the level is l0/2 = 0.03 H off, in the original method and with E7.
+    bound = 0.09 if step is PredictMoveProject else 0.01
+    if name == "detection-free":
+        bound = 0.2 if step is PredictMoveProject else 0.05
+    assert np.abs(p - 9810.0 * (0.4 - x[:, 1])).max() < bound * 9810.0 * 0.4
+    assert np.abs(u).max() < 0.02 * np.sqrt(9.81 * 0.4)

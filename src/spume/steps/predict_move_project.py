@@ -52,7 +52,7 @@ class PredictMoveProject(Step, name="predict-move-project"):
     negative_pressure: bool = False
     """Keep negative pressures; false clips them to zero, as the original method does."""
     surface_pressure: Literal["half-cell", "zero"] = "zero"
-    """Pressure at the centres of surface rows: rho |g| l0/2, as the surface lies l0/2 outside them, or 0."""
+    """Pressure at the centres of surface rows: l0/2 times the last pressure gradient there (rho |g| at most), or 0."""
     shifting: Shifting = Unshifted()
     """Particle shifting."""
 

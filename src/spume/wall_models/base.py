@@ -18,8 +18,8 @@ WALL_FIELDS = (
 
 
 @row_term(reads=("kind", "free_surface", "fluid_neighbours"))
-def state_of_row(a, wall_state, dummy_state):  # type: ignore[no-untyped-def]
-    state = kernels.qd.select(a.free_surface == 1, KNOWN, UNKNOWN)
+def state_of_row(a, wall_state, dummy_state, surface_state):  # type: ignore[no-untyped-def]
+    state = kernels.qd.select(a.free_surface == 1, kernels.qd.cast(surface_state, kernels.i32), UNKNOWN)
     # A wall row that no fluid touches has no equation, nor a fluid row that flies alone.
     if a.fluid_neighbours == 0:
         state = kernels.qd.select(a.kind == FLUID, KNOWN, ABSENT)
@@ -62,14 +62,14 @@ class WallModel(Operator, family="wall_model"):
             rows=FLUID | WALL,
         )  # fmt: skip
 
-    def states(self, particles: Particles) -> None:
-        """Write ``row_state`` of every row."""
+    def states(self, particles: Particles, surface_known: bool = True) -> None:
+        """Write ``row_state`` of every row; ``surface_known``: rows on the free surface have a known pressure."""
         row_map(
             state_of_row,
             particles,
             out="row_state",
             rows=FLUID | SOLID,
-            arguments=(float(self.wall_state), float(self.dummy_state)),
+            arguments=(float(self.wall_state), float(self.dummy_state), float(KNOWN if surface_known else UNKNOWN)),
         )
 
     def neumann(self, particles: Particles, dt: float) -> None:

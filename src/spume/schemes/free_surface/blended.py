@@ -16,6 +16,11 @@ def share(a, upper, lower):  # type: ignore[no-untyped-def]
     return min(max((upper - a.number_density) / (upper - lower), 0.0), 1.0)
 
 
+@row_term(reads=("surface_share", "density"))
+def growing(a, scale):  # type: ignore[no-untyped-def]
+    return scale / a.density * a.surface_share / (1.02 - a.surface_share)
+
+
 @row_term(reads=("surface_share",))
 def mostly(a):  # type: ignore[no-untyped-def]
     return kernels.qd.cast(a.surface_share > 0.5, kernels.i32)
@@ -48,3 +53,10 @@ class Blended(FreeSurface, name="blended"):
             arguments=(self.upper * n0, self.lower * n0),
         )
         row_map(mostly, particles, out="free_surface", rows=FLUID | WALL)
+
+    def draw(self, lattice: Lattice, particles: Particles, laplacian: Any, number_density: Any) -> None:
+        """Write ``surface_diagonal`` = 2 d/(lambda rho) theta/(1.02 - theta) [m/kg]."""
+        row_map(
+            growing, particles, out="surface_diagonal", rows=FLUID | WALL,
+            arguments=(2.0 * lattice.dimension / laplacian.lambda_(lattice),),
+        )  # fmt: skip

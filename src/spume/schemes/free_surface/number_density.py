@@ -8,17 +8,12 @@ from spume import kernels
 from spume.lattice import Lattice
 from spume.pairs import Pairs, row_map, row_term
 from spume.particles import FLUID, WALL, Particles
-from spume.schemes.free_surface.base import FreeSurface
+from spume.schemes.free_surface.base import FreeSurface, as_share
 
 
 @row_term(reads=("number_density",))
 def below(a, limit):  # type: ignore[no-untyped-def]
     return kernels.qd.cast(a.number_density < limit, kernels.i32)
-
-
-@row_term(reads=("free_surface",))
-def as_share(a):  # type: ignore[no-untyped-def]
-    return 1.0 * a.free_surface
 
 
 class LowNumberDensity(FreeSurface, name="number-density"):
