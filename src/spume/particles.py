@@ -270,10 +270,9 @@ class Particles:
                 _gather_kernel(*kind, kernels.light(self.count))(source, order, spare, self.count)
                 self._arrays[name] = spare
                 self._spares[kind] = source
-        self.written()
-
                 self.traffic += self.count * (4 + 2 * self.row_bytes([name]))
         self._row_of_id_valid = False
+        self.written()
 
     def part(self, active: int) -> None:
         """Let only the first ``active`` rows take part in the steps; the rows behind are solid and dry.
