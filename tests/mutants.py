@@ -28,9 +28,8 @@ SCHEMES = ROOT / "src" / "spume" / "schemes"
 
 def schemes_of(tree):
     """Return the names under which the classes of a module are registered."""
-    return [
-        k.value.value for node in tree.body if isinstance(node, ast.ClassDef) for k in node.keywords if k.arg == "name"
-    ]
+    classes = (node for node in tree.body if isinstance(node, ast.ClassDef))
+    return [keyword.value.value for node in classes for keyword in node.keywords if keyword.arg == "name"]
 
 
 def formulas(tree):
@@ -63,12 +62,8 @@ def mutations(text):
             expression = ast.get_source_segment(text, value)
             yield f"factor of {name}", swap(text, value, f"({expression}) * 1.1")
             yield f"sign of {name}", swap(text, value, f"({expression}) * (-1.0)")
-    for word in (
-        "self.radius(lattice)",
-        "operator.radius(lattice)",
-        "model.radius(lattice)",
-        "number_density.radius(lattice)",
-    ):
+    for owner in ("self", "operator", "model", "number_density"):
+        word = f"{owner}.radius(lattice)"
         if word in text:
             yield f"radius {word}", text.replace(word, f"0.8 * {word}")
 

@@ -23,7 +23,7 @@ ALLOWED = {
     "wall_models": CORE | {"spume.geometry", "spume.pressure.matrix", "spume.schemes.operator"},
     "bodies": CORE | {"spume.geometry", "spume.motion"},
 }
-MAY_IMPORT_SIMULATION = {"spume", "spume.build", "spume.run", "spume.cli"}
+MAY_IMPORT_SIMULATION = {"spume", "spume.build", "spume.run", "spume.bench", "spume.cli"}
 KERNEL_LANGUAGE = {"quadrants", "taichi", "warp", "numba"}
 # Not part of the base installation, so a module that imports one at its top breaks it.
 EXTRAS = {"pyvista", "vtk", "vtkmodules", "trame", "plotly", "mpi4py", "petsc4py", "dask"}

@@ -176,7 +176,7 @@ def test_folders_and_byte_order_marks(file):
         ("at = [1.6, 0.01]", "", "tank.toml:16: gauge.p.at: this key is required"),
         ('name = "water"', "name = 3", "tank.toml:8: fluid.0.name = 3: must be text"),
         ('name = "water"', 'name = "a b"', "tank.toml:8: fluid.a b.name"),
-        ("[[gauge]]", '[[gauge]]\nbody = "x"', "tank.toml:17: gauge.p.body = \"x\": no such key"),
+        ("[[gauge]]", '[[gauge]]\nbodies = "x"', "tank.toml:17: gauge.p.bodies = \"x\": no such key"),
         (
             '[time]',
             '[domain]\nperiodic = ["z"]\nlower=[0,0]\nupper=[1,1]\n[time]',
@@ -316,3 +316,20 @@ def test_schema_accepts_what_the_loader_accepts():
     jsonschema = pytest.importorskip("jsonschema")
     for path in built_in_cases().values():
         jsonschema.validate(tomllib.loads(path.read_text()), schema())
+
+
+@pytest.mark.parametrize("gradient", ["minimum", "cmps", "sum", "corrected-minimum"])
+def test_a_flow_under_tension_refuses_what_only_repels(file, gradient):
+    found = complaint(file, "tensile = true\n" + CASE, [f"step.gradient={gradient}"])
+    assert len(found) == 1
+    assert f'step.gradient = "{gradient}"' in found[0]
+    assert "tensile = true" in found[0]
+    assert "choose one of completed, corrected, dummy-neighbour, original, second-order, stabilised" in found[0]
+    load(file, ["tensile=false", f"step.gradient={gradient}"])
+
+
+def test_a_flow_under_tension_refuses_to_clip(file):
+    found = complaint(file, "tensile = true\n" + CASE, ["step.negative_pressure=false"])
+    assert len(found) == 1
+    assert "step.negative_pressure = false: sets negative pressures to zero" in found[0]
+    load(file, ["step.negative_pressure=true", "step.gradient=corrected"])

@@ -143,6 +143,14 @@ class Particles:
     def __getitem__(self, name: str) -> Any:
         return self._arrays[name]
 
+    def row_bytes(self, names: Iterable[str]) -> int:
+        """Return the memory of some fields of one row [bytes]."""
+        real = kernels.runtime().dtype().itemsize
+        return sum(
+            (4 if self.fields[n].dtype is int else real) * prod(self.fields[n].value_shape(self.dimension))
+            for n in names
+        )
+
     def written(self, *names: str) -> None:
         """Note that fields were written, as pair sums, row maps and the search do; without names all fields."""
         for name in names or self.fields:
@@ -156,14 +164,6 @@ class Particles:
     def keeps(self, name: str, recipe: tuple[Any, ...], made_of: tuple[str, ...]) -> bool:
         """Return whether a field still holds what ``recipe`` made of fields that nobody has written since."""
         return self._origin.get(name) == (recipe, *(self._writes.get(n, 0) for n in made_of))
-
-    def row_bytes(self, names: Iterable[str]) -> int:
-        """Return the memory of some fields of one row [bytes]."""
-        real = kernels.runtime().dtype().itemsize
-        return sum(
-            (4 if self.fields[n].dtype is int else real) * prod(self.fields[n].value_shape(self.dimension))
-            for n in names
-        )
 
     def value_type(self, name: str) -> Any:
         """Return the kernel language's type of one value of a field."""
@@ -252,6 +252,7 @@ class Particles:
         self.active = self.count
         self._row_of_id_valid = False
         self.changed = True
+        self.written()
 
     @property
     def next_id(self) -> int:
@@ -287,6 +288,7 @@ class Particles:
         signature = tuple((n, self.fields[n].value_shape(self.dimension), self.fields[n].dtype is int) for n in lost)
         initial = tuple(float(self.fields[n].initial) for n in lost)
         _part_kernel(signature, initial)(self["dry"], *[self[n] for n in lost], active, self.count)
+        self.written(*lost)
 
     def rows_by_id(self) -> Any:
         """Return a device array that holds the present row number of each id."""

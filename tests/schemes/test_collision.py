@@ -47,8 +47,28 @@ def test_what_recedes_or_is_far_is_left_alone():
 def test_a_solid_row_is_infinitely_heavy():
     position = np.array([[0.0, 0.0], [0.0, -0.04]])
     velocity = np.array([[1.0, -2.0], [0.0, 0.0]])
-    u, _, _ = collide(position, velocity, Inelastic(restitution=0.5), kind=np.array([FLUID, WALL]))
+    facing = np.array([[0.0, 0.0], [0.0, 0.05]])
+    collision = Inelastic(restitution=0.5)
+    u, _, _ = collide(position, velocity, collision, kind=np.array([FLUID, WALL]), to_surface=facing)
     assert u == pytest.approx(np.array([[1.0, 1.0], [0.0, 0.0]]))
+
+
+@pytest.mark.parametrize("along", np.linspace(0.0, 0.1, 7))
+@pytest.mark.parametrize("d", [2, 3])
+def test_a_wall_has_no_gaps(d, along):
+    """Spray is thrown back as by a plane wherever it hits a wall of rows, also between them; from the face on."""
+    line = 0.1 * np.arange(-3, 4)
+    wall = np.stack(np.meshgrid(*[line] * (d - 1), [-0.05]), axis=-1).reshape(-1, d)
+    kind = np.array([FLUID, *[WALL] * len(wall)])
+    facing = np.zeros((len(kind), d))
+    facing[1:, -1] = 0.05
+    velocity = np.zeros((len(kind), d))
+    velocity[0] = [1.0, 0.5, -2.0][-d:] if d == 3 else [1.0, -2.0]
+    expected = velocity[0] * ([1.0] * (d - 1) + [-0.2])
+    for height, after in ((-0.01, expected), (0.01, velocity[0])):
+        place = np.array([[along] * (d - 1) + [height]])
+        u, _, _ = collide(np.concatenate([place, wall]), velocity, kind=kind, to_surface=facing)
+        assert u[0] == pytest.approx(after, abs=1e-12)
 
 
 def test_different_densities():

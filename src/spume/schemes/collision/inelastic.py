@@ -12,17 +12,52 @@ from spume.schemes.collision.base import Collision
 from spume.schemes.weight.inverse import Inverse
 
 
-@pair_term(reads=("velocity", "density", "kind"), shape=("d",))
-def impulse(a, b, r, w, share):  # type: ignore[no-untyped-def]
-    rate = (b.velocity - a.velocity).dot(r)
-    # A solid row is infinitely heavy: the fluid row takes the whole change of velocity.
-    part = kernels.qd.select(b.kind == FLUID, b.density / (a.density + b.density), 1.0)
-    return share * part * min(rate, 0.0) / r.dot(r) * r
+@kernels.func
+def touches(a, b, r, distance, l0):  # type: ignore[no-untyped-def]
+    """Return whether a pair collides: two fluid rows by their distance, a fluid row and a wall at the wall's face."""
+    normal = b.to_surface.normalized(1e-30)
+    # How far a is behind the face on which b lies; b stands for its own cell of that face alone.
+    behind = r.dot(normal) + b.to_surface.norm() - (0.5 - distance) * l0
+    aside = r.norm_sqr() - r.dot(normal) ** 2
+    at_face = behind > 0.0 and aside < (r.n - 1) * (0.54 * l0) ** 2
+    near = r.norm_sqr() < (distance * l0) ** 2
+    return (b.kind == FLUID and near) or (b.kind != FLUID and at_face)
 
 
-@pair_term(reads=("velocity",))
-def counted(a, b, r, w, share):  # type: ignore[no-untyped-def]
-    return kernels.qd.cast((b.velocity - a.velocity).dot(r) < 0.0, kernels.i32)
+@pair_term(reads=("velocity", "density", "kind", "to_surface"), shape=("d",))
+def impulse(a, b, r, w, share, distance, l0):  # type: ignore[no-untyped-def]
+    result = 0.0 * r
+    if b.kind == FLUID and touches(a, b, r, distance, l0):
+        rate = (b.velocity - a.velocity).dot(r)
+        result = share * b.density / (a.density + b.density) * min(rate, 0.0) / r.dot(r) * r
+    return result
+
+
+@pair_term(reads=("velocity", "kind", "to_surface"), shape=("d",))
+def impulse_of_wall(a, b, r, w, share, distance, l0):  # type: ignore[no-untyped-def]
+    result = 0.0 * r
+    if b.kind != FLUID and touches(a, b, r, distance, l0):
+        # A wall is infinitely heavy: the fluid row takes the whole change of velocity.
+        normal = b.to_surface.normalized(1e-30)
+        result = share * max((b.velocity - a.velocity).dot(normal), 0.0) * normal
+    return result
+
+
+@pair_term(reads=("kind", "to_surface"))
+def faces(a, b, r, w, share, distance, l0):  # type: ignore[no-untyped-def]
+    return kernels.qd.cast(b.kind != FLUID and touches(a, b, r, distance, l0), kernels.i32)
+
+
+@pair_term(reads=("velocity", "kind", "to_surface"))
+def counted(a, b, r, w, share, distance, l0):  # type: ignore[no-untyped-def]
+    normal = b.to_surface.normalized(1e-30)
+    rate = kernels.qd.select(b.kind == FLUID, (b.velocity - a.velocity).dot(r), (a.velocity - b.velocity).dot(normal))
+    return kernels.qd.cast(rate < 0.0 and touches(a, b, r, distance, l0), kernels.i32)
+
+
+@row_term(reads=("collision_impulse", "wall_impulse", "faces"))
+def together(a):  # type: ignore[no-untyped-def]
+    return a.collision_impulse + a.wall_impulse / max(a.faces, 1)
 
 
 @row_term(reads=("velocity", "collision_impulse"))
@@ -48,6 +83,8 @@ class Inelastic(Collision, name="inelastic"):
     needs: ClassVar = (
         Field("collision_impulse", ("d",), "m/s", "change of velocity by collisions"),
         Field("collisions", (), "1", "number of colliding pairs of a row", int),
+        Field("wall_impulse", ("d",), "m/s", "sum of the changes of velocity by the faces of walls that a row touches"),
+        Field("faces", (), "1", "number of solid rows whose face a row touches", int),
     )
 
     distance: float = Parameter(default=0.5, gt=0.0, lt=1.0)
@@ -58,8 +95,10 @@ class Inelastic(Collision, name="inelastic"):
     def __call__(self, lattice: Lattice, particles: Particles, pairs: Pairs, dt: float) -> None:
         """Change ``velocity`` and ``position`` of approaching near pairs; count in ``collisions``."""
         pair_sum(
-            (impulse, counted), particles, pairs, out=("collision_impulse", "collisions"), weight=Inverse(),
-            re=self.distance * lattice.spacing, arguments=(1.0 + self.restitution,),
+            (impulse, counted, impulse_of_wall, faces), particles, pairs,
+            out=("collision_impulse", "collisions", "wall_impulse", "faces"), weight=Inverse(),
+            re=lattice.spacing, arguments=(1.0 + self.restitution, self.distance, lattice.spacing),
         )  # fmt: skip
+        row_map(together, particles, out="collision_impulse")
         row_map(changed_velocity, particles, out="velocity", arguments=(dt,))
         row_map(changed_position, particles, out="position", arguments=(dt,))
