@@ -110,6 +110,14 @@ def test_every_scheme_has_a_reference_value(name):
     assert values(name), "no reference value in tests/claims.toml"
 
 
+@of("weight")
+def test_slope_of_a_weight(name):
+    """The derivative that sources follow the number density with."""
+    weight, r, step = SCHEMES[name], 0.11 + 0.09 * scattered(9, 2), 1e-6
+    difference = (made(name).values(r + step, 0.21) - made(name).values(r - step, 0.21)) / (2 * step)
+    assert [weight.slope(float(s), 0.21) for s in r] == pytest.approx(difference, rel=1e-6, abs=1e-7)
+
+
 @pytest.mark.parametrize("family", sorted({name.split(".")[0] for name in SCHEMES}))
 def test_no_two_schemes_are_one(family):
     """Two names for one set of numbers on the disturbed cloud are one scheme."""
