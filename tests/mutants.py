@@ -1,12 +1,13 @@
 """Make each scheme wrong on purpose and see that its claims notice: python tests/mutants.py [FAMILY] [--quick].
 
 A mutant is a copy of the sources in which one formula of a scheme has a wrong factor, sign or radius. It is killed if
-the tests of that scheme in tests/test_claims.py fail. Prints survivors and killed/total; exits with 1 if one survives.
+the tests of that scheme in tests/test_claims.py fail. Mutants of schemes that do not depend on each other share a run;
+one that the reference values do not find is then run alone. Prints killed/total; exits with 1 if one survives.
 
 Options:
     --quick        one factor, one sign and one radius per scheme
     --jobs N       processes (default 2)
-    --limit S      seconds per mutant (default 240); a mutant that runs longer counts as killed by its limit
+    --limit S      seconds per mutant (default 240); a mutant that alone runs longer counts as killed
     --state FILE   where results are kept, so that a run can be resumed (default: in the temporary folder)
 """
 
@@ -16,10 +17,12 @@ import concurrent.futures
 import hashlib
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
 import tempfile
+import threading
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -92,30 +95,77 @@ def mutants(family, quick):
                 yield path, names, what, mutated
 
 
-def judged(path, names, text, limit):
-    """Return "killed", "killed by the limit" or "survived"."""
-    with tempfile.TemporaryDirectory(prefix="spume-mutant-") as folder:
+ALONE = ("weight/inverse.py", "number_density/base.py", "divergence/original.py")
+"""Files that the tests of other families use."""
+
+
+def reach(path):
+    """Return the files of schemes that a file imports, directly or through others."""
+    found, waiting = set(), [path]
+    while waiting:
+        text = waiting.pop().read_text(encoding="utf-8")
+        for words in re.findall(r"^from spume\.schemes\.(\w+)\.(\w+) import", text, re.MULTILINE):
+            other = SCHEMES / words[0] / f"{words[1]}.py"
+            if other.exists() and other not in found:
+                found.add(other)
+                waiting.append(other)
+    return found
+
+
+def batches(chosen):
+    """Group mutants so that no scheme of a group depends on the file of another: then one run judges them all."""
+    groups = []
+    for mutant in chosen:
+        path, needed = mutant[0], reach(mutant[0])
+        for group in groups:
+            others = [other[0] for other in group]
+            alone = any(str(p.relative_to(SCHEMES)) in ALONE for p in (path, *others))
+            if not alone and path not in others and not any(p in needed or path in reach(p) for p in others):
+                group.append(mutant)
+                break
+        else:
+            groups.append([mutant])
+    return groups
+
+
+def failed(group, words, limit):
+    """Return the names of the tests that fail with the mutants of a group, None if there was no end of it."""
+    with tempfile.TemporaryDirectory(prefix="spume-mutants-") as folder:
         copy = Path(folder)
         for part in ("src", "tests", "pyproject.toml"):
             source = ROOT / part
             ignore = shutil.ignore_patterns("__pycache__", ".*")
             shutil.copytree(source, copy / part, ignore=ignore) if source.is_dir() else shutil.copy(source, copy / part)
-        (copy / path.relative_to(ROOT)).write_text(text, encoding="utf-8")
+        for path, _, _, text in group:
+            (copy / path.relative_to(ROOT)).write_text(text, encoding="utf-8")
         environment = os.environ | {"PYTHONPATH": str(copy / "src"), "PYTHONDONTWRITEBYTECODE": "1"}
-        command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "tests/test_claims.py", "-k"]
-        left = limit
-        # The reference values first: they find nearly every mutant and need the fewest kernels.
-        every = " or ".join(f"{name}-" for name in names), " or ".join(names)
-        for words in (f"the_scheme_gives and 2D and ({every[0]})", f"({every[1]}) and not double_loop"):
-            try:
-                answer = subprocess.run([*command, words], cwd=copy, env=environment, capture_output=True, timeout=left)
-            except subprocess.TimeoutExpired:
-                return "killed by the limit"
-            if answer.returncode == 1:
-                return "killed"
-            if answer.returncode not in (0, 5):  # 5: no test of that kind
-                return "killed"
-        return "survived"
+        command = [sys.executable, "-m", "pytest", "-q", "-rfE", "--tb=no", "-p", "no:cacheprovider"]
+        command += ["tests/test_claims.py", "-k", words]
+        try:
+            answer = subprocess.run(command, cwd=copy, env=environment, capture_output=True, text=True, timeout=limit)
+        except subprocess.TimeoutExpired:
+            return None
+    if answer.returncode not in (0, 1, 5):  # 5: no test of that kind
+        return None
+    return re.findall(r"^(?:FAILED|ERROR) \S+?::(.*)$", answer.stdout, re.MULTILINE)
+
+
+def noticed(names, tests):
+    """Whether a test of one of the schemes is among those that failed."""
+    return any(re.search(rf"{re.escape(name)}(?![\w-]*[a-z])", test) for name in names for test in tests)
+
+
+def judge(group, limit):
+    """Yield (mutant, "killed" or "survived")."""
+    # The reference values first: they find nearly every mutant and need the fewest kernels.
+    names = " or ".join(f"{name}-" for mutant in group for name in mutant[1])
+    tests = failed(group, f"the_scheme_gives and 2D and ({names})", limit * len(group))
+    for mutant in group:
+        killed = tests is not None and noticed(mutant[1], tests)
+        if not killed:
+            every = failed([mutant], f"({' or '.join(mutant[1])}) and not double_loop", limit)
+            killed = every is None or bool(every)
+        yield mutant, "killed" if killed else "survived"
 
 
 def main():
@@ -127,29 +177,37 @@ def main():
     parser.add_argument("--state", type=Path, default=Path(tempfile.gettempdir()) / "spume-mutants.jsonl")
     options = parser.parse_args()
     tests = b"".join(p.read_bytes() for p in sorted((ROOT / "tests").rglob("*")) if p.suffix in (".py", ".toml"))
+
+    def key(mutant):
+        return hashlib.sha256(str(mutant[0].name).encode() + mutant[3].encode() + tests).hexdigest()
+
     known = {}
     if options.state.exists():
         known = {e["key"]: e["result"] for e in map(json.loads, options.state.read_text().splitlines())}
-    killed = total = 0
+    counts = {"killed": 0, "survived": 0}
+    chosen = list(mutants(options.family, options.quick))
+    for mutant in chosen:
+        if key(mutant) in known:
+            report(mutant, known[key(mutant)], counts)
+    waiting = batches([mutant for mutant in chosen if key(mutant) not in known])
     with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
-        waiting = {}
-        for path, names, what, text in mutants(options.family, options.quick):
-            key = hashlib.sha256(text.encode() + tests).hexdigest()
-            if key in known:
-                total, killed = total + 1, killed + known[key].startswith("killed")
-                if known[key] == "survived":
-                    print(f"survived: {path.relative_to(SCHEMES)}: {what}")
-            else:
-                waiting[pool.submit(judged, path, names, text, options.limit)] = path, what, key
-        for future in concurrent.futures.as_completed(waiting):
-            path, what, key = waiting[future]
-            result = future.result()
-            with options.state.open("a") as file:
-                file.write(json.dumps({"key": key, "result": result}) + "\n")
-            total, killed = total + 1, killed + result.startswith("killed")
-            print(f"{result}: {path.relative_to(SCHEMES)}: {what}", flush=True)
-    print(f"{killed}/{total} killed")
-    return int(killed < total)
+
+        def work(group):
+            for mutant, result in judge(group, options.limit):
+                with lock, options.state.open("a") as file:
+                    file.write(json.dumps({"key": key(mutant), "result": result}) + "\n")
+                    report(mutant, result, counts)
+
+        lock = threading.Lock()
+        list(pool.map(work, waiting))
+    print(f"{counts['killed']}/{sum(counts.values())} killed")
+    return int(counts["survived"] > 0)
+
+
+def report(mutant, result, counts):
+    """Count a result, and print it."""
+    counts[result] += 1
+    print(f"{result}: {mutant[0].relative_to(SCHEMES)}: {mutant[2]}", flush=True)
 
 
 if __name__ == "__main__":
