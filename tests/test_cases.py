@@ -12,6 +12,7 @@ COARSER = {
     "dam-break-martin-moyce": 0.005715,
     "hydrostatic": 0.05,
     "hydrostatic-3d": 0.05,
+    "sloshing": 0.0186,
     "standing-wave": 0.1,
     "taylor-green": 0.05,
 }

@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 import spume.run
 from spume.case import built_in_cases, load
 from spume.cli import app
+from spume.outputs.disk import NotWritten
 from spume.simulation import Diverged
 
 
@@ -148,6 +149,10 @@ def test_version(call):
         (("run", "dam-break", "--threads", "0"), "--threads"),
         (("run", "nothing.toml"), "no such file"),
         (("run",), "Missing argument"),
+        (("run", "dam-break", "--max-wall-time", "90"), "'90': must be a time as 01:30:00"),
+        (("run", "--resume", "nothing"), "no such run folder"),
+        (("run", "dam-break", "--resume", "nothing"), "CASE does not go with --resume"),
+        (("run", "--resume", "nothing", "--out", "a"), "--out does not go with --resume"),
         (("fly",), "No such command"),
         (("check", "dam-break", "--wrong"), "No such option"),
     ],
@@ -172,6 +177,11 @@ class Ended:
         (Diverged("step 7, t = 0.1 s: too fast"), 3, "error: step 7"),
         (KeyboardInterrupt(), 4, "interrupted"),
         (PermissionError("read-only"), 2, "read-only"),
+        (
+            NotWritten("checkpoint.h5 cannot be written: disk full"),
+            4,
+            "make room and continue with: spume run --resume",
+        ),
     ],
 )
 def test_exit_codes_of_a_run(call, monkeypatch, outcome, code, words):

@@ -1,20 +1,23 @@
 """Runs that are interrupted, killed or starved of disk, and continued: the same bits as without."""
 
+import logging
 import os
 import shutil
 import signal
 import subprocess
 import sys
 
+import h5py
 import numpy as np
 import pytest
 
 import spume
 from spume import kernels
 from spume.outputs import OutputSettings, checkpoint, summary, vtkhdf
+from spume.outputs.disk import NotWritten
 from spume.outputs.gauges import Elevation, Volume
-from spume.progress import Progress
-from spume.run import run
+from spume.progress import Progress, seconds_of
+from spume.run import _Limit, run
 from spume.steps.predict_move_project import PredictMoveProject
 from tanks import column, dam_break
 
@@ -191,8 +194,8 @@ def test_a_run_that_is_killed_goes_on(whole, tmp_path):
         "sys.path.insert(0, {tests!r})\n"
         "from test_resume import case_of\n"
         "import spume\n"
-        "from spume.progress import Progress\n"
-        "from spume.run import run\n"
+        "from spume.progress import Progress, seconds_of\n"
+        "from spume.run import _Limit, run\n"
         "plain = Progress.step\n"
         "def step(self, simulation):\n"
         "    plain(self, simulation)\n"
@@ -208,3 +211,160 @@ def test_a_run_that_is_killed_goes_on(whole, tmp_path):
         assert summary.read(folder)["status"] == "running"
     spume.resume(folder)
     assert_same(whole, folder)
+
+
+# ------------------------------------------------------------------------------------------ full disks
+
+
+def test_a_full_disk_stops_the_run_and_spares_the_checkpoint(whole, monkeypatch, tmp_path):
+    folder = tmp_path / "run"
+    usage = shutil.disk_usage
+    with monkeypatch.context() as patch:
+        full = lambda path: usage(path)._replace(free=100_000)  # noqa: E731
+        at_step(patch, 6, lambda: patch.setattr("spume.outputs.disk.shutil.disk_usage", full))
+        with pytest.raises(NotWritten, match="No space left on device"):
+            run(case_of(), folder)
+    said = summary.read(folder)
+    assert said["status"] == "interrupted"
+    assert "bytes are needed, 100,000 are free" in said["reason"]
+    assert 0 < checkpoint.read(folder).step <= 6
+    assert not list(folder.glob("*.partial"))
+    spume.resume(folder)
+    assert_same(whole, folder)
+
+
+def test_a_disk_that_fails_in_the_midst_of_a_checkpoint_spares_the_one_before(copy, monkeypatch):
+    before = checkpoint.read(copy)
+    room = [20_000]
+    write = os.write
+
+    def limited(descriptor, data):
+        room[0] -= len(data)
+        if room[0] < 0:
+            raise OSError(28, "No space left on device")
+        return write(descriptor, data)
+
+    with monkeypatch.context() as patch:
+        patch.setattr("spume.outputs.disk.os.write", limited)
+        with pytest.raises(OSError, match="No space left"):
+            checkpoint.write(copy / checkpoint.FILE, before)
+    assert room[0] < 0
+    assert checkpoint.read(copy).time == before.time
+    assert not list(copy.glob("*.partial"))
+
+
+def test_frames_that_a_full_disk_cut_short_are_kept_aside(copy):
+    path = copy / "run.vtkhdf"
+    path.write_bytes(path.read_bytes()[:-5000])
+    assert spume.resume(copy).status == "finished"
+    assert (copy / "run.vtkhdf.damaged").exists()
+    with vtkhdf.Reader(path) as frames:
+        assert frames.times[-1] == pytest.approx(END)
+
+
+# ------------------------------------------------------------------------- what cannot be continued
+
+
+def refused(folder, words, *overrides):
+    with pytest.raises(checkpoint.CheckpointError) as caught:
+        spume.resume(folder, overrides)
+    assert words in str(caught.value), str(caught.value)
+
+
+def change(folder, act):
+    with h5py.File(folder / checkpoint.FILE, "r+") as file:
+        act(file)
+
+
+def test_what_cannot_be_continued_says_so(copy, whole, tmp_path):
+    refused(tmp_path / "nowhere", "no such run folder")
+    (tmp_path / "empty").mkdir()
+    refused(tmp_path / "empty", "neither case.toml nor checkpoint.h5 is in it")
+    refused(whole, "this run is finished, at t = 0.12 s; to go on: spume run --resume")
+    refused(copy, "fluid.0.density = 900.0: was 1000.0", "fluid.water.density=900")
+    refused(copy, "a run that is continued may change only time.end, time.courant", "spacing=0.03")
+    assert "density = 1000.0" in (copy / "case.toml").read_text(), "a refused change must leave no trace"
+    (copy / checkpoint.FILE).rename(tmp_path / "kept")
+    refused(
+        copy, "no checkpoint.h5: the run ended before its first one, or wrote none; start the case again: spume run"
+    )
+
+
+def test_damaged_checkpoints_say_so(copy):
+    path = copy / checkpoint.FILE
+    good = path.read_bytes()
+
+    def flip(file):
+        file["particles/velocity"][3, 0] += 1.0
+
+    change(copy, flip)
+    refused(copy, "the checksum of particles/velocity is wrong); start the case again: spume run")
+    for text in (good[: len(good) // 2], b"", b"nonsense" * 1000):
+        path.write_bytes(text)
+        refused(copy, "damaged and cannot be read")
+    path.write_bytes(good)
+    change(copy, lambda file: file.attrs.modify("format", 99))
+    refused(copy, "in format 99; this is spume")
+
+
+def test_another_version_or_fewer_threads_are_warned_of(copy, caplog):
+    log = logging.getLogger("spume")
+    log.addHandler(caplog.handler)
+    change(copy, lambda file: (file.attrs.modify("spume", "0.0.9"), file.attrs.modify("threads", 2)))
+    spume.resume(copy, threads=1)
+    log.removeHandler(caplog.handler)
+    assert "version of Spume was 0.0.9, is " in caplog.text
+    assert "threads was 2, is 1: the run goes on, but not bit by bit" in caplog.text
+
+
+def test_a_finished_run_is_extended(whole, tmp_path):
+    folder = shutil.copytree(whole, tmp_path / "run")
+    result = spume.resume(folder, ["time.end=0.14"])
+    assert result.simulation.time == pytest.approx(0.14)
+    assert "end = 0.14" in (folder / "case.toml").read_text()
+    lines = (folder / "log.csv").read_text().splitlines()
+    assert len(lines) == result.simulation.step_index + 1
+    with vtkhdf.Reader(folder / "run.vtkhdf") as frames:
+        assert np.all(np.diff(frames.times) > 0.0)
+        assert frames.times[-1] == pytest.approx(0.14)
+
+
+# ------------------------------------------------------------------------------------------ wall time
+
+
+def test_a_run_stops_before_its_wall_time_is_over(whole, tmp_path):
+    folder = tmp_path / "run"
+    ended = run(case_of(), folder, max_wall_time=1e-3)
+    assert (ended.status, ended.simulation.step_index) == ("interrupted", 0)
+    assert summary.read(folder)["reason"] == "the wall time of 0.001 s is used up"
+    assert spume.resume(folder, max_wall_time=3600.0).status == "finished"
+    assert_same(whole, folder)
+
+
+def test_what_the_end_needs_is_kept_back(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr("spume.run.wall.monotonic", lambda: now[0])
+    limit = _Limit(1000.0)
+    now[0] = 100.0
+    assert not limit.near(10.0)
+    now[0] = 110.0
+    limit.step()  # of 10 s; needed: 2 (10 + 10) + 50 = 90 s
+    now[0] = 909.0
+    assert not limit.near(10.0)
+    now[0] = 910.0
+    assert limit.near(10.0)
+    assert not _Limit(None).near(1e9)
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"),
+    [("01:30:00", 5400), ("90:00", 5400), ("2-12:00:00", 216000), ("5400s", 5400), ("90min", 5400), ("1.5h", 5400)],
+)
+def test_wall_times(text, seconds):
+    assert seconds_of(text) == seconds
+
+
+@pytest.mark.parametrize("text", ["", "90", "1:2", "1-30:00", "0s", "-5min", "1:00:00h", "soon"])
+def test_wall_times_that_are_none(text):
+    with pytest.raises(ValueError, match="must be a time as 01:30:00, 90min"):
+        seconds_of(text)

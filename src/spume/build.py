@@ -18,6 +18,7 @@ from spume.geometry import Grid, Shape, fill
 from spume.geometry.checks import unresolved, volume_of
 from spume.geometry.grid import TooManyCellsError
 from spume.geometry.layers import masters
+from spume.geometry.thickness import other_face
 from spume.initial.base import Setting
 from spume.moving import bodies_of, moving_together, reached, set_in_motion
 from spume.named import Location, nearest_match
@@ -89,6 +90,7 @@ def initial_rows(case: Case) -> Rows:
     _check_memory(case, expected)  # before anything is filled
     wet = _fluid_cells(case, grid)
     solid = _body_rows(case, grid)
+    _check_plates(case, grid, solid)
     _check_fluid_and_walls(case, grid, wet, solid)
     rows = _join([*_fluid_rows(case, grid, wet), *solid], case.dimension)
     _adopt_fluid(case, rows)
@@ -320,6 +322,29 @@ def _check_fluid_and_walls(case: Case, grid: Grid, wet: Sequence[NDArray[np.floa
                 message = f"{int(hit.sum())} of the {len(points)} particles of fluid {fluid.name!r} lie in "
                 message += f"body {body.name!r}, the first at {first} m"
                 problems.append(case.problem(("fluid", index, "shape"), message))
+    if problems:
+        raise CaseError(problems)
+
+
+def _check_plates(case: Case, grid: Grid, solid: Sequence[Rows]) -> None:
+    """Refuse plates so thin that the fluids on their two sides would see each other."""
+    least = case.step.largest_radius() * grid.spacing
+    occupied = np.concatenate([np.empty(0, np.int64), *(_keys(grid.cells(t["position"]), grid, case) for t in solid)])
+    problems = []
+    for index, (body, rows) in enumerate(zip(case.body, solid, strict=True)):
+        wall = (rows["kind"] == WALL) & np.any(rows["to_surface"] != 0.0, axis=1)
+        shape: Shape | None = getattr(body, "shape", None)
+        if shape is None or getattr(body, "wet_inside", True) or not wall.any():
+            continue
+        face, normal = (rows["position"] + rows["to_surface"])[wall], rows["to_surface"][wall]
+        normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
+        across, there, thin = other_face(shape.snapped(grid)[0], face, normal, least)
+        behind = grid.cells(there - 0.5 * grid.spacing * normal)
+        thin &= ~np.isin(_keys(behind, grid, case), occupied)  # no fluid can be where another body is
+        if thin.any():
+            message = f"{across[thin].min():.3g} m thick at {_point(face[thin][0])} m; a plate must be at least as "
+            message += f"thick as the largest re, {least:.3g} m, or the fluids beside it see each other through it"
+            problems.append(case.problem(("body", index, "shape"), message))
     if problems:
         raise CaseError(problems)
 

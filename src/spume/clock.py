@@ -39,7 +39,13 @@ class Clock:
         return self.time >= self.end * (1.0 - 1e-12)
 
     def next_dt(
-        self, lattice: Lattice, speed: float, acceleration: float, viscous: float = inf, bodies: float = inf
+        self,
+        lattice: Lattice,
+        speed: float,
+        acceleration: float,
+        viscous: float = inf,
+        bodies: float = inf,
+        sound: float = inf,
     ) -> float:
         """Return the next time step [s].
 
@@ -48,12 +54,14 @@ class Clock:
             acceleration: largest acceleration [m/s^2].
             viscous: limit of the viscosity [s].
             bodies: limit of the bodies [s].
+            sound: limit of the speed of sound [s].
         """
         limits = {
             "courant": self.courant * lattice.spacing / speed if speed > 0 else inf,
             "acceleration": self.courant * sqrt(lattice.spacing / acceleration) if acceleration > 0 else inf,
             "viscosity": viscous,
             "bodies": bodies,
+            "sound": sound,
             "step_max": self.step_max,
         }
         if self.dt > 0:

@@ -39,7 +39,7 @@ LOOK = 10
 WINDOW = 100
 """Steps over which the uses of limiters are averaged."""
 
-OFTEN = {"collisions": 0.1, "clipped": 0.01, "fallbacks": 0.05}
+OFTEN = {"collisions": 0.02, "clipped": 0.01, "fallbacks": 0.05}
 """Uses of limiters a step that are warned of: collisions and clipping per fluid row, fallbacks per step [1]."""
 
 LOST = 1e-2

@@ -5,19 +5,26 @@ Everything that runs per particle is compiled from Python by Quadrants. Kernels 
 decorated with :func:`cached`, so that choosing another device or precision makes new ones.
 """
 
+import atexit
 import contextlib
 import functools
 import io
 import linecache
+import logging
 import os
+import shutil
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 os.environ.setdefault("ENABLE_QUADRANTS_HEADER_PRINT", "False")
 
 import numpy as np
 import quadrants as qd
+
+log = logging.getLogger("spume")
 
 func = qd.func
 kernel = qd.kernel
@@ -62,10 +69,68 @@ _caches: list[Callable[[], None]] = []
 
 
 def available_threads() -> int:
-    """Return the number of CPU threads this process may use (affinity and SLURM respected)."""
+    """Return the number of CPU threads this process may use.
+
+    The smallest of what the operating system allows (affinity), what a container allows (the quota of its
+    control group, rounded up), and what the surroundings ask for: SLURM_CPUS_PER_TASK, or where that is not
+    set OMP_NUM_THREADS.
+    """
     allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    slurm = os.environ.get("SLURM_CPUS_PER_TASK", "")
-    return min(allowed, int(slurm)) if slurm.isdigit() and int(slurm) > 0 else allowed
+    asked = [text for name in ("SLURM_CPUS_PER_TASK", "OMP_NUM_THREADS") if (text := os.environ.get(name, "").strip())]
+    first = asked[0].split(",")[0] if asked else ""  # OMP_NUM_THREADS may list nested levels: 4,2
+    limits = [allowed, quota(Path("/sys/fs/cgroup")), int(first) if first.isdecimal() else 0]
+    return min(limit for limit in limits if limit > 0)
+
+
+def quota(root: Path) -> int:
+    """Return the whole number of processors that a control group's quota allows, zero without one.
+
+    Args:
+        root: where the control group's files are; both versions of the interface are understood.
+    """
+    try:
+        if (root / "cpu.max").is_file():
+            share, period = (root / "cpu.max").read_text(encoding="ascii").split()
+        else:
+            share = (root / "cpu" / "cpu.cfs_quota_us").read_text(encoding="ascii")
+            period = (root / "cpu" / "cpu.cfs_period_us").read_text(encoding="ascii")
+        return max(0, -(-int(share) // int(period)))
+    except (OSError, ValueError, ZeroDivisionError):  # no such files, or "max"
+        return 0
+
+
+def cache_folder() -> Path:
+    """Return the folder of compiled kernels, which exists and can be written.
+
+    That of the environment variable SPUME_CACHE, else ``spume`` in the user's cache folder (XDG_CACHE_HOME,
+    else ``~/.cache``). Where it cannot be written, a temporary one of this process, which goes with it.
+    """
+    if os.environ.get("SPUME_CACHE"):
+        wanted = Path(os.environ["SPUME_CACHE"])
+    else:
+        home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+        wanted = Path(home) / "spume"
+    try:
+        wanted.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=wanted):
+            return wanted
+    except OSError as error:
+        folder = _temporary_cache()
+        log.warning(
+            "%s cannot hold compiled kernels (%s): they go to %s and are compiled again next time; "
+            "set SPUME_CACHE to a folder that can be written",
+            wanted,
+            error.strerror or error,
+            folder,
+        )
+        return folder
+
+
+@functools.cache
+def _temporary_cache() -> Path:
+    folder = Path(tempfile.mkdtemp(prefix="spume-cache-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
 
 
 def worthwhile_threads(rows: int) -> int:
@@ -107,9 +172,7 @@ def initialize(device: str | None = None, threads: int | None = None, precision:
     wanted = Runtime(device, threads or available_threads(), precision)
     if wanted == _runtime:
         return wanted
-    options: dict[str, Any] = {}
-    if os.environ.get("SPUME_CACHE"):
-        options["offline_cache_file_path"] = os.environ["SPUME_CACHE"]
+    folder = cache_folder()
     try:
         with contextlib.redirect_stdout(io.StringIO()):
             qd.init(
@@ -122,7 +185,7 @@ def initialize(device: str | None = None, threads: int | None = None, precision:
                 enable_fallback=False,
                 log_level="error",
                 offline_cache=True,
-                **options,
+                offline_cache_file_path=str(folder),
             )
     except Exception as error:
         raise DeviceError(f"device = {device!r}: not available on this machine ({error})") from error

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import ast
 import difflib
+import functools
 import importlib
 import importlib.metadata
 import importlib.resources
+import inspect
+import itertools
 import math
 import pkgutil
+import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
@@ -54,8 +59,8 @@ class Parameters(BaseModel):
         strict=True,
         allow_inf_nan=False,
         validate_default=False,
-        use_attribute_docstrings=True,
         arbitrary_types_allowed=True,
+        defer_build=True,
     )
 
     @model_validator(mode="before")
@@ -114,8 +119,10 @@ def _beyond(item: Any, loc: Location) -> Iterator[tuple[Location, Any]]:
     if isinstance(item, tuple):
         for index, part in enumerate(item):
             yield from _beyond(part, (*loc, index))
-    elif isinstance(item, int | float) and (LARGEST < abs(item) < math.inf or 0.0 < abs(item) < SMALLEST):
-        yield loc, item
+    elif isinstance(item, int | float):  # a coordinate may be as near to zero as it likes
+        least = SMALLEST if len(loc) == 1 else 0.0
+        if LARGEST < abs(item) < math.inf or 0.0 < abs(item) < least:
+            yield loc, item
 
 
 def _tuples(value: Any) -> Any:
@@ -337,8 +344,39 @@ there is none, to the folder of the built-in cases. It holds the absolute path."
 # --------------------------------------------------------------------------------------- JSON Schema
 
 
+def attribute_docs(cls: type) -> dict[str, str]:
+    """Return what the text under each annotated attribute of a parameter class and of its bases says."""
+    bases = [base for base in reversed(cls.__mro__) if issubclass(base, Parameters)]
+    return {key: text for base in bases for key, text in _own_docs(base).items()}
+
+
+@functools.cache
+def _own_docs(cls: type) -> dict[str, str]:
+    """Read from the source when asked for: doing it for every class at import takes a quarter of a second."""
+    try:
+        tree = ast.parse(textwrap.dedent(inspect.getsource(cls)))
+    except (OSError, TypeError, SyntaxError):  # typed at a prompt
+        return {}
+    found: dict[str, str] = {}
+    body = tree.body[0].body if isinstance(tree.body[0], ast.ClassDef) else []
+    for attribute, text in itertools.pairwise(body):
+        named = isinstance(attribute, ast.AnnAssign) and isinstance(attribute.target, ast.Name)
+        words = text.value if isinstance(text, ast.Expr) else None
+        if named and isinstance(words, ast.Constant) and isinstance(words.value, str):
+            found[attribute.target.id] = inspect.cleandoc(words.value)  # type: ignore[attr-defined]
+    return found
+
+
 class _Defaults(GenerateJsonSchema):
-    """Writes schemes among the defaults as a case file does, with their names."""
+    """Writes schemes among the defaults as a case file does, with their names, and describes every key."""
+
+    def model_schema(self, schema: Any) -> dict[str, Any]:
+        made = super().model_schema(schema)
+        docs = attribute_docs(schema["cls"])
+        for key, entry in made.get("properties", {}).items():
+            if key in docs:
+                entry["description"] = docs[key]
+        return made
 
     def encode_default(self, dft: Any) -> Any:
         if isinstance(dft, Scheme):

@@ -207,8 +207,8 @@ def row_map(
     kernel = _row_kernel(term, out, rows, signature, len(arguments), kernels.light(count))
     inputs = [particles[behind.get(n, n)] for n in term.reads]
     kernel(particles["kind"], *inputs, particles[out], count, *arguments)
-    particles.traffic += count * particles.row_bytes(("kind", *(behind.get(n, n) for n in term.reads), out))
     particles.written(out)
+    particles.traffic += count * particles.row_bytes(("kind", *(behind.get(n, n) for n in term.reads), out))
 
 
 Signature = tuple[tuple[str, tuple[int, ...], bool], ...]
@@ -253,10 +253,10 @@ def _reduce(
         *[particles[behind.get(n, n)] for n in reads], *[particles[n] for n in outs],
         particles.active, re, *list_.period, *arguments, *(view.arguments if view else ()),
     )  # fmt: skip
+    particles.written(*outs)
     touched = ("position", "kind", *(behind.get(n, n) for n in reads), *outs)
     particles.traffic += particles.active * (12 + particles.row_bytes(touched))
     particles.visits += 1
-    particles.written(*outs)
 
 
 def load(signature: Signature, reads: Sequence[str]) -> tuple[Any, str]:

@@ -108,8 +108,8 @@ class Origin:
         for number, part in enumerate(loc):
             node = self.value(loc[: number + 1])
             label = node.get("name") if isinstance(part, int) and isinstance(node, Mapping) else None
-            parts.append(label if isinstance(label, str) and label else str(part))
-        return ".".join(parts)
+            parts.append(label if isinstance(label, str) and label.isprintable() and label else str(part))
+        return ".".join(part if part.isprintable() and part else literal(part) for part in parts)
 
     def problems(self, error: ValidationError) -> list[Problem]:
         """Return the mistakes that validation found, in the order of the file."""
@@ -155,6 +155,14 @@ _KINDS = {
 }
 
 
+def _excluded(pattern: str) -> str:
+    """Return in words which characters a pattern leaves out; nothing where it is another kind of pattern."""
+    found = re.fullmatch(r"\^\[\^(.*)\]\+\$", pattern)
+    names = {r"\s": "blanks", ".": "dots", "/": "slashes", r"\\": "backslashes"}
+    parts = re.findall(r"\\.|.", found[1]) if found else []
+    return ", ".join(names.get(part, part) for part in parts)
+
+
 def _message(item: Any) -> str:
     """Return what is allowed, from one of pydantic's errors."""
     context = item.get("ctx", {})
@@ -168,6 +176,8 @@ def _message(item: Any) -> str:
         choices = re.findall(r"'([^']*)'", context.get("expected", ""))
         near = nearest_match(given, choices) if isinstance(given, str) else ""
         return f"must be {context['expected']}{near}"
+    if kind == "string_pattern_mismatch" and (excluded := _excluded(context["pattern"])):
+        return f"must be text without {excluded}"
     if kind == "too_short":
         return f"must have at least {context['min_length']} entries, has {context['actual_length']}"
     if kind == "too_long":

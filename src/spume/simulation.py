@@ -95,6 +95,7 @@ class Simulation:
             self._acceleration / self.step.steadiness**2,
             self.step.viscosity.max_dt(domain.lattice, self.step.viscosity.largest(particles, self._viscosity)),
             clock.courant * bodies,
+            self.step.max_dt(domain, speed),
         )
         finding = self.watch.before_step(speed, dt)
         if finding is not None:

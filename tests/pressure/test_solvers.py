@@ -13,16 +13,21 @@ from spume.pressure.components import COMPONENT, Components
 from spume.pressure.conjugate_gradient import ConjugateGradient
 from spume.pressure.matrix import ABSENT, FLUX, KNOWN, SYSTEM_FIELDS, UNKNOWN, LinearSystem
 from spume.schemes import discover
+from spume.schemes.correction import CORRECTION
 from spume.schemes.free_surface.base import SURFACE_SHARE
-from spume.schemes.laplacian.base import Laplacian
+from spume.schemes.laplacian.base import Laplacian, Terms
+from spume.schemes.laplacian.corrected_vector import CORRECTED_VECTOR, CorrectedVector
 from spume.schemes.laplacian.original import Original
 from spume.schemes.source.base import SOURCE
 
 discover()
 LAPLACIANS = {scheme.key: scheme() for scheme in named.schemes("laplacian")}
+LAPLACIANS["corrected-vector"] = CorrectedVector(base="distance", correction="lagged")
+LAPLACIANS = {key: model for key, model in LAPLACIANS.items() if model.symmetric}
 SOLVERS = {"cg": ConjugateGradient, "bicgstab": StabilisedBiconjugateGradient}
 FIELDS = (
-    *SYSTEM_FIELDS, SURFACE_SHARE, SOURCE, COMPONENT, *ConjugateGradient.needs, *StabilisedBiconjugateGradient.needs
+    *SYSTEM_FIELDS, SURFACE_SHARE, SOURCE, CORRECTION, CORRECTED_VECTOR, COMPONENT,
+    *ConjugateGradient.needs, *StabilisedBiconjugateGradient.needs
 )  # fmt: skip
 solvers = pytest.mark.parametrize("solver", SOLVERS)
 
@@ -107,9 +112,13 @@ def test_a_matrix_that_is_not_symmetric(runtime, solver):
     def skewed(a, b, r, w):
         return w * (1.0 + 5.0 * r[0])
 
+    terms = Terms(kernels.func(skewed))
+
     class Skewed(Original):
         symmetric = False
-        coefficient = staticmethod(kernels.func(skewed))
+
+        def terms(self):
+            return terms
 
     assert issubclass(Skewed, Laplacian)
     particles, system = random_system(2, 0, Skewed(), surface_diagonal=np.full(196, 0.01))

@@ -19,11 +19,11 @@ from surfaces import SHAPES, errors, surface
 
 PAGE = ROOT / "docs" / "surface-detection.md"
 DISTURBANCES = (0.0, 0.1, 0.2, 0.3)
-SEEDS = (1, 2, 3)
+SEEDS = (1, 2)
 
 
 def counts(scheme: object, d: int, disturbance: float) -> list[str]:
-    """Return 'missed %/marked wrongly %' for every shape, over three random arrangements."""
+    """Return 'missed %/marked wrongly %' for every shape, over the random arrangements."""
     cells = []
     for shape in SHAPES:
         missed = wrong = on = off = 0

@@ -236,7 +236,7 @@ def _solid(parts: list[Facets], shape: Combined) -> Facets:
 def _flat(parts: list[Facets], shape: Combined) -> Facets:
     from manifold3d import CrossSection, FillRule
 
-    # Plane sections are computed on whole numbers of 1e-8: make the shape of the size one.
+    # Plane sections are computed on whole numbers of 1e-8: make the shape of the size one, and undo the rounding.
     corners = np.concatenate([part.vertices for part in parts])
     middle, size = corners.mean(axis=0), float(np.ptp(corners, axis=0).max())
     sections = []
@@ -245,11 +245,23 @@ def _flat(parts: list[Facets], shape: Combined) -> Facets:
         sections.append(CrossSection([(loop - middle) / size for loop in loops], FillRule.NonZero))
     vertices, simplices, start = [np.empty((0, 2))], [np.empty((0, 2), dtype=np.int64)], 0
     for loop in _chain(sections, shape).to_polygons():
-        vertices.append(np.asarray(loop, dtype=float) * size + middle)
+        vertices.append(_as_written(np.asarray(loop, dtype=float) * size + middle, corners, 1e-7 * size))
         number = start + np.arange(len(loop))
         simplices.append(np.column_stack([number, np.roll(number, -1)]))
         start += len(loop)
     return Facets(np.concatenate(vertices), np.concatenate(simplices))
+
+
+def _as_written(vertices: Points, corners: Points, tolerance: float) -> Points:
+    """Return vertices whose coordinates are those of the parts' corners where they nearly are."""
+    result = vertices.copy()
+    for k in range(vertices.shape[1]):
+        known = np.unique(corners[:, k])
+        at = np.clip(np.searchsorted(known, vertices[:, k]), 1, len(known) - 1)
+        left, right = known[at - 1], known[at]
+        near = np.where(np.abs(left - vertices[:, k]) < np.abs(right - vertices[:, k]), left, right)
+        result[:, k] = np.where(np.abs(near - vertices[:, k]) < tolerance, near, vertices[:, k])
+    return result
 
 
 def _loops(part: Facets) -> list[NDArray[np.float64]]:

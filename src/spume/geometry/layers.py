@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter
 from scipy.spatial import cKDTree
 
 from spume.geometry.grid import Grid, TooManyCellsError
@@ -53,7 +52,7 @@ def wall_layers(shape: Shape, grid: Grid, layers: int, *, wetted: str) -> Layers
         # Behind the surface, positive in the solid.
         depth = sign * shape.distance_within(points, (deepest + 0.5) * grid.spacing) / grid.spacing
         wet = (depth < -1e-6).reshape(window)
-        near = maximum_filter(wet, size=2 * layers + 1, mode="nearest").reshape(-1)
+        near = _widened(wet, layers).reshape(-1)
         rows = near & ~wet.reshape(-1) & (depth < deepest)
         rows &= np.all((wide >= layers) & (wide < size + layers), axis=1)
         if wetted == "inside":
@@ -73,6 +72,8 @@ def wall_layers(shape: Shape, grid: Grid, layers: int, *, wetted: str) -> Layers
         to_surface[on] = _ON * grid.spacing * _into_the_fluid(shape, position[on], sign, grid.spacing)
     wall = depth < 1.0 - 1e-6
     area = np.where(wall, face_area(to_surface, grid.spacing), 0.0)
+    faced = np.flatnonzero(area)
+    area[faced] *= _stretch(shape, position[faced], to_surface[faced], 0.25 * grid.spacing)
     return Layers(position, wall, to_surface, area, masters(position, wall, to_surface))
 
 
@@ -89,6 +90,29 @@ def face_area(to_surface: NDArray[np.float64], spacing: float) -> NDArray[np.flo
     return np.where(faced, spacing ** (to_surface.shape[1] - 1) / np.where(faced, steepest, 1.0), 0.0)
 
 
+def _stretch(
+    shape: Shape, points: NDArray[np.float64], to_surface: NDArray[np.float64], step: float
+) -> NDArray[np.float64]:
+    """Return how many times as large a curved surface is as its parallel surface through a row, 1 where it is flat.
+
+    That is the determinant of the map to the nearest point along the surface, by central differences. Where
+    the map jumps, behind an outer edge, there is no curvature: 1.
+    """
+    d = points.shape[1]
+    normal = to_surface / np.linalg.norm(to_surface, axis=1, keepdims=True)
+    if d == 2:
+        tangents = [np.column_stack([-normal[:, 1], normal[:, 0]])]
+    else:
+        first = np.cross(normal, np.eye(3)[np.abs(normal).argmin(axis=1)])
+        first /= np.linalg.norm(first, axis=1, keepdims=True)
+        tangents = [first, np.cross(normal, first)]
+    slopes = [(shape.nearest(points + step * t) - shape.nearest(points - step * t)) / (2.0 * step) for t in tangents]
+    lengths = np.array([np.linalg.norm(slope, axis=1) for slope in slopes])
+    area = lengths[0] if d == 2 else np.linalg.norm(np.cross(slopes[0], slopes[1]), axis=1)
+    smooth = np.all((lengths > 0.5) & (lengths < 2.0), axis=0)
+    return np.where(smooth, area, 1.0)
+
+
 _ON = 1e-4
 """Rows nearer to the surface than this part of the spacing get this distance from it, which keeps its direction."""
 
@@ -101,6 +125,18 @@ def _into_the_fluid(shape: Shape, points: NDArray[np.float64], sign: float, spac
     length = np.linalg.norm(slope, axis=1, keepdims=True)
     slope[length[:, 0] == 0.0, -1] = 1.0  # thinner than the step: there is no side to tell
     return slope / np.where(length == 0.0, 1.0, length)
+
+
+def _widened(marked: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
+    """Return which cells have a marked one at most `reach` cells away along every axis."""
+    for axis in range(marked.ndim):
+        wide = marked.copy()
+        along, into = np.moveaxis(marked, axis, 0), np.moveaxis(wide, axis, 0)
+        for shift in range(1, reach + 1):
+            into[shift:] |= along[:-shift]
+            into[:-shift] |= along[shift:]
+        marked = wide
+    return marked
 
 
 _EDGE = {2: 64, 3: 24}

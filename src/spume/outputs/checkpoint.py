@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 import logging
-import os
 import time
 import zlib
 from collections.abc import Mapping
@@ -17,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from spume.outputs.disk import NotWritten, need_room, put_in_place
+from spume.outputs.disk import NotWritten, Sink, need_room, put_in_place
 from spume.outputs.frames import _version
 from spume.outputs.output import Output, Outputs, OutputSettings, RunLike
 from spume.problems import CaseError, Problem
@@ -143,7 +141,7 @@ def write(path: Path, saved: Saved) -> None:
     partial = path.with_name(path.name + ".partial")
     need_room(path.parent, sum(values.nbytes for values in saved.arrays.values()))
     try:
-        with _Sink(partial) as sink:
+        with Sink(partial) as sink:
             with h5py.File(sink, "w") as file:
                 file.attrs["format"] = FORMAT
                 file.attrs["spume"] = saved.version
@@ -155,7 +153,8 @@ def write(path: Path, saved: Saved) -> None:
                 for name, values in (*written.items(), *saved.arrays.items()):
                     dataset = file.create_dataset(name, data=np.ascontiguousarray(values))
                     dataset.attrs["crc32"] = _checksum(values)
-            sink.done()
+            sink.check()
+            sink.sync()
         put_in_place(partial, path)
     except OSError:
         partial.unlink(missing_ok=True)
@@ -218,68 +217,3 @@ def read(folder: Path) -> Saved:
 
 def _checksum(values: NDArray[Any]) -> int:
     return zlib.crc32(np.ascontiguousarray(values).view(np.uint8).data)
-
-
-class _Sink(io.RawIOBase):
-    """A new file for h5py that keeps the first error of the disk for `done`.
-
-    HDF5 that is told of an error cannot close its file any more, nor the process end in peace.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o666)
-        self._error: OSError | None = None
-
-    def done(self) -> None:
-        """Bring everything to the disk, or raise the first error."""
-        if self._error is None:
-            os.fsync(self._descriptor)
-        else:
-            raise self._error
-
-    def write(self, data: Any) -> int:
-        view = memoryview(data).cast("B")
-        written = 0
-        try:
-            while self._error is None and written < len(view):
-                written += os.write(self._descriptor, view[written:])
-        except OSError as error:
-            self._error = error
-        return len(view)
-
-    def readinto(self, buffer: Any) -> int:
-        if self._error is not None:
-            buffer[:] = bytes(len(buffer))
-            return len(buffer)
-        data = os.read(self._descriptor, len(buffer))
-        buffer[: len(data)] = data
-        return len(data)
-
-    def seek(self, offset: int, whence: int = 0) -> int:
-        return os.lseek(self._descriptor, offset, whence)
-
-    def tell(self) -> int:
-        return os.lseek(self._descriptor, 0, os.SEEK_CUR)
-
-    def truncate(self, size: int | None = None) -> int:
-        size = self.tell() if size is None else size
-        try:
-            if self._error is None:
-                os.ftruncate(self._descriptor, size)
-        except OSError as error:
-            self._error = error
-        return size
-
-    def readable(self) -> bool:
-        return True
-
-    def writable(self) -> bool:
-        return True
-
-    def seekable(self) -> bool:
-        return True
-
-    def close(self) -> None:
-        if not self.closed:
-            os.close(self._descriptor)
-        super().close()

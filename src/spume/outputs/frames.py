@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,8 @@ from spume.outputs.output import Output, OutputSettings, RunLike
 from spume.outputs.vtkhdf import Writer
 
 FILE = "run.vtkhdf"
+
+log = logging.getLogger("spume")
 
 
 class Frames(Output):
@@ -28,15 +31,19 @@ class Frames(Output):
     def start(self, run: RunLike) -> None:
         end = float(run.case.time.end)
         self._interval = self.settings.interval or end / 100.0
+        self._open(run)
+        self._write(run)
+
+    def _open(self, run: RunLike) -> None:
         attributes: dict[str, Any] = {
             "title": str(getattr(run.case, "title", "") or ""),
             "creator": f"Spume {_version()}",
             "gravity": run.simulation.snapshot().gravity,
         }
         self._writer = Writer(
-            run.folder / FILE, self.settings.fields, attributes, int(np.ceil(end / self._interval)) + 2
-        )
-        self._write(run)
+            run.folder / FILE, self.settings.fields, attributes,
+            int(np.ceil(float(run.case.time.end) / self._interval)) + 2,
+        )  # fmt: skip
 
     def state(self) -> dict[str, Any]:
         assert self._writer is not None
@@ -44,7 +51,16 @@ class Frames(Output):
 
     def resume(self, run: RunLike, state: dict[str, Any]) -> None:
         self._interval, self._next, self._written = state["interval"], state["next"], state["written"]
-        self._writer = Writer.reopened(run.folder / FILE, self.settings.fields, state["file"])
+        path = run.folder / FILE
+        try:
+            self._writer = Writer.reopened(path, self.settings.fields, state["file"])
+        except OSError as error:  # cut short by a full disk: the run goes on, and what there is stays
+            aside = path.with_name(f"{FILE}.damaged")
+            if path.exists():
+                path.replace(aside)
+            log.warning("%s: it is kept as %s, frames go on in a new file", error, aside.name)
+            self._open(run)
+            self._write(run)
 
     def after_step(self, run: RunLike) -> None:
         # A thousandth of a step early is on time: k interval and the sum of the steps round differently.

@@ -44,7 +44,7 @@ class OutputSettings(Parameters):
     """Values at the ends of the colour scale; default: from the frames."""
     map: MapName | None = None
     """Colour map; default: one that suits the field."""
-    view: tuple[float, float] = (-60.0, 18.0)
+    view_deg: tuple[float, float] = (-60.0, 18.0)
     """3D: azimuth and height of the camera [degrees]."""
 
 

@@ -163,7 +163,7 @@ def paint(frame: vtkhdf.Frame, view: View, shape: tuple[int, int], fine: bool = 
 def _paint_3d(
     frame: vtkhdf.Frame, view: View, shape: tuple[int, int], colours: raster.Colours, fluid: NDArray[np.bool_]
 ) -> raster.Image:
-    azimuth, height = view.settings.view
+    azimuth, height = view.settings.view_deg
     camera = raster.Camera(view.lower, view.upper, azimuth, height, shape)
     shown = fluid.copy()
     position = np.asarray(frame["position"], dtype=float)
@@ -259,7 +259,7 @@ class _Panels:
         if dimension == 2:
             aspect = view.size[1] / view.size[0]
         else:
-            azimuth, height = view.settings.view
+            azimuth, height = view.settings.view_deg
             low, high = raster.Camera(view.lower, view.upper, azimuth, height, (1, 1)).extent()
             aspect = float((high - low)[1] / (high - low)[0])
         if panel * aspect > 6.0 / rows:  # tall domains: let the height decide, not the width

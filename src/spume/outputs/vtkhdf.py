@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from spume.outputs.disk import need_room
+from spume.outputs.disk import Sink, need_room
 from spume.outputs.snapshot import Snapshot
 
 DEFAULT_FIELDS = (
@@ -79,6 +79,7 @@ class Writer:
         self.steps = 0
         self._attributes = attributes or {}
         self._file: Any = None
+        self._sink: Any = None
         self._used: dict[str, int] = {}  # rows written, per dataset
         self._exact: set[str] = set()  # datasets that are never longer than what is written
         self._last: dict[str, tuple[int, NDArray[Any]]] = {}  # offset and values of the last block
@@ -90,30 +91,26 @@ class Writer:
         for name in ("id", *self.fields):
             arrays[name] = _stored(snapshot[name][order])
         need_room(self.path.parent, sum(values.nbytes for values in arrays.values()))
-        try:
-            self._write(snapshot, arrays)
-        except RuntimeError as error:  # some errors of the disk reach us in this form
-            raise OSError(f"{self.path}: {error}") from error
-
-    def _write(self, snapshot: Snapshot, arrays: dict[str, NDArray[Any]]) -> None:
         if self._file is None:
             self._create(snapshot, arrays)
         self._append(arrays)
         self._file.flush()
+        self._sink.check()
         # Only now may readers know about the frame.
         self.steps += 1
         self._file["VTKHDF/Steps"].attrs.modify("NSteps", np.int64(self.steps))
         self._file.flush()
         self._extend("Steps/Values", np.array([snapshot.time]))
         self._file.flush()
+        self._sink.check()
         if self.steps == 1:
             self._publish()
 
     def state(self) -> dict[str, Any]:
         """Return what `reopened` needs; the frames until now are on the disk then."""
         self._file.flush()
-        with self.path.open("rb") as file:
-            os.fsync(file.fileno())
+        self._sink.check()
+        self._sink.sync()
         last = {name: [offset, len(values)] for name, (offset, values) in self._last.items()}
         return {"frames": self.steps, "ahead": self.frames_ahead, "used": dict(self._used), "last": last}
 
@@ -134,7 +131,8 @@ class Writer:
         writer._used = dict(state["used"])
         writer._exact = {name for name in writer._used if _is_exact(name.removeprefix("VTKHDF/"))}
         try:
-            writer._file = h5py.File(path, "r+", libver="earliest", locking=False)
+            writer._sink = Sink(path, new=False)
+            writer._file = h5py.File(writer._sink, "r+", libver="earliest")
             for name, used in writer._used.items():
                 if writer._file[name].shape[0] < used:
                     raise OSError(f"{name} has {writer._file[name].shape[0]} rows, the checkpoint knows of {used}")
@@ -164,13 +162,15 @@ class Writer:
             if dataset.shape[0] > used:
                 dataset.resize(used, axis=0)
         self._file.close()
+        self._sink.close()
         self._file = None
 
     def _create(self, snapshot: Snapshot, arrays: dict[str, NDArray[Any]]) -> None:
         import h5py
 
         self._partial = self.path.with_name(self.path.name + ".partial")
-        self._file = h5py.File(self._partial, "w", libver="earliest", locking=False)
+        self._sink = Sink(self._partial)
+        self._file = h5py.File(self._sink, "w", libver="earliest")
         root = self._file.create_group("VTKHDF")
         root.attrs["Version"] = np.array([2, 0], dtype=np.int64)
         root.attrs.create("Type", b"PolyData", dtype="S8")
@@ -281,8 +281,10 @@ class Writer:
         import h5py
 
         self._file.close()
+        self._sink.close()
         os.replace(self._partial, self.path)
-        self._file = h5py.File(self.path, "r+", libver="earliest", locking=False)
+        self._sink = Sink(self.path, new=False)
+        self._file = h5py.File(self._sink, "r+", libver="earliest")
 
 
 @dataclass(frozen=True)

@@ -37,8 +37,9 @@ class Multigrid(Solver, name="multigrid"):
     """Flexible conjugate gradients, preconditioner: one multigrid cycle on background cells.
 
     Coarse levels are aggregates of rows in cells of 2 l0, 4 l0, … (Södersten, Matsunaga & Koshizuka 2019),
-    joined by two inner iterations on each of the finest levels (K-cycle, Notay & Vassilevski 2008). For
-    symmetric matrices. The number of iterations hardly depends on the number of particles.
+    joined by two inner iterations on each of the finest levels (K-cycle, Notay & Vassilevski 2008). For a
+    matrix that is not symmetric, as the system says, conjugate residuals (flexible, truncated after one direction)
+    take their place, outside and inside. The number of iterations hardly depends on the number of particles.
     """
 
     ids: ClassVar = ("A4",)
@@ -59,7 +60,8 @@ class Multigrid(Solver, name="multigrid"):
         """Solve for the unknown rows of ``pressure``.
 
         A cycle that does not converge in ``patience`` iterations (a matrix that is nearly singular) is given
-        up for conjugate gradients with the diagonal, and ``Solution.fallbacks`` says so.
+        up for conjugate gradients (BiCGSTAB where it is not symmetric) with the diagonal, and
+        ``Solution.fallbacks`` says so.
         """
         hasty = self.model_copy(update={"largest_iterations": min(self.patience, self.largest_iterations)})
         try:

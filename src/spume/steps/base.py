@@ -1,6 +1,7 @@
 """The family of steps, and the row formulas that steps share."""
 
 from collections.abc import Iterator
+from math import inf
 from typing import ClassVar, Literal, Self
 
 import numpy as np
@@ -122,7 +123,7 @@ CLIPPED = Field("clipped", (), "1", "1 where a negative pressure was set to zero
 
 
 class Step(Scheme, family="step"):
-    """One time step of the whole domain: the slots that every projection step has.
+    """One time step of the whole domain: the slots that every step has.
 
     A concrete step sets their defaults; its text is the order in which they act.
     """
@@ -135,16 +136,8 @@ class Step(Scheme, family="step"):
     """Viscosity."""
     divergence: Divergence = OriginalDivergence()
     """Divergence of the predicted velocity."""
-    source: Source
-    """Right side of the pressure Poisson equation."""
-    laplacian: Laplacian = OriginalLaplacian()
-    """Laplacian of the pressure matrix."""
-    solver: Solver = Multigrid()
-    """Linear solver."""
     gradient: Gradient = Corrected()
     """Gradient of the pressure."""
-    surface_pressure: Literal["half-cell", "zero"] = "half-cell"
-    """Pressure at the centres of surface rows: l0/2 times the last pressure gradient there (rho |g| at most), or 0."""
     negative_pressure: bool = True
     """Keep negative pressures; false clips them to zero, as the original method does."""
     wall_model: WallModel = Neumann()
@@ -156,9 +149,49 @@ class Step(Scheme, family="step"):
 
     steadiness: ClassVar[float] = 1.0
     """Part of the limit courant sqrt(l0/|a|) of the time step up to which a fluid at rest stays at rest."""
+    fields: ClassVar[tuple[Field, ...]] = (*SYSTEM_FIELDS, CLIPPED, *Corrected.needs)
+
+    def __call__(self, domain: Domain, t: float, dt: float) -> dict[str, float]:
+        """Advance the domain from t to t + dt; return figures of the step (iterations, residual, limiters)."""
+        raise NotImplementedError
+
+    def begin(self, domain: Domain) -> None:
+        """Prepare the state before the first step: the gradient of the initial pressure, which the first step uses."""
+        domain.pairs.update(domain.particles)
+        # Not the step's own model, which may want a time step or the images of a wall.
+        Corrected()(domain.lattice, domain.particles, domain.pairs, over=FLUID)
+
+    def max_dt(self, domain: Domain, speed: float) -> float:
+        """Return the largest time step [s] that the step itself allows, for the largest ``speed`` [m/s]."""
+        return inf
+
+    def needed_fields(self) -> tuple[Field, ...]:
+        """Return every field that the step and the schemes in its slots need."""
+        found = list(self.fields)
+        for scheme in nested(self):
+            found.extend(getattr(scheme, "needs", ()))
+        return tuple(dict.fromkeys(found))
+
+    def largest_radius(self) -> float:
+        """Return the largest effective radius of any operator, as a multiple of l0."""
+        return max(scheme.re for scheme in nested(self) if isinstance(scheme, Operator))
+
+
+class Projection(Step):
+    """What steps share that solve a pressure Poisson equation."""
+
+    source: Source
+    """Right side of the pressure Poisson equation."""
+    laplacian: Laplacian = OriginalLaplacian()
+    """Laplacian of the pressure matrix."""
+    solver: Solver = Multigrid()
+    """Linear solver."""
+    surface_pressure: Literal["half-cell", "zero"] = "half-cell"
+    """Pressure at the centres of surface rows: l0/2 times the last pressure gradient there (rho |g| at most), or 0."""
+
     instants: ClassVar[tuple[str, ...]] = ("k", "*")
     """Instants at which the step can evaluate a source."""
-    fields: ClassVar[tuple[Field, ...]] = (*SYSTEM_FIELDS, COMPONENT, CLIPPED, *Corrected.needs)
+    fields: ClassVar[tuple[Field, ...]] = (*Step.fields, COMPONENT)
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -185,27 +218,6 @@ class Step(Scheme, family="step"):
             )
         return self
 
-    def __call__(self, domain: Domain, t: float, dt: float) -> dict[str, float]:
-        """Advance the domain from t to t + dt; return figures of the step (iterations, residual, limiters)."""
-        raise NotImplementedError
-
-    def begin(self, domain: Domain) -> None:
-        """Prepare the state before the first step: the gradient of the initial pressure, which the first step uses."""
-        domain.pairs.update(domain.particles)
-        # Not the step's own model, which may want a time step or the images of a wall.
-        Corrected()(domain.lattice, domain.particles, domain.pairs, over=FLUID)
-
-    def needed_fields(self) -> tuple[Field, ...]:
-        """Return every field that the step and the schemes in its slots need."""
-        found = list(self.fields)
-        for scheme in nested(self):
-            found.extend(getattr(scheme, "needs", ()))
-        return tuple(dict.fromkeys(found))
-
-    def largest_radius(self) -> float:
-        """Return the largest effective radius of any operator, as a multiple of l0."""
-        return max(scheme.re for scheme in nested(self) if isinstance(scheme, Operator))
-
 
 def nested(scheme: Scheme) -> Iterator[Scheme]:
     """Yield a scheme and every scheme among its parameters, recursively."""
@@ -222,7 +234,7 @@ def accelerate(domain: Domain, t: float, dt: float) -> None:
     row_map(acceleration_of_frame, domain.particles, out="acceleration", rows=ANY, arguments=(*numbers, dt))
 
 
-def surface_pressure(step: Step, domain: Domain, t: float) -> float:
+def surface_pressure(step: Projection, domain: Domain, t: float) -> float:
     """Return rho |g| l0/2 [Pa]: the pressure at the centres of a surface at rest, which lies l0/2 outside them."""
     if step.surface_pressure == "zero":
         return 0.0
@@ -230,7 +242,7 @@ def surface_pressure(step: Step, domain: Domain, t: float) -> float:
     return 0.5 * domain.density * g * domain.lattice.spacing
 
 
-def solve_pressure(step: Step, domain: Domain, surface_pressure: float, dt: float) -> dict[str, float]:
+def solve_pressure(step: Projection, domain: Domain, surface_pressure: float, dt: float) -> dict[str, float]:
     """Assemble and solve the pressure Poisson equation; return iterations and residual.
 
     Raises:

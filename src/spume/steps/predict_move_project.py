@@ -14,7 +14,7 @@ from spume.schemes.shifting.none import Unshifted
 from spume.schemes.source.base import Source
 from spume.schemes.source.density import Density
 from spume.steps.base import (
-    Step,
+    Projection,
     accelerate,
     accelerated,
     copied_velocity,
@@ -28,7 +28,7 @@ from spume.wall_models.base import WallModel
 from spume.wall_models.resting import Resting
 
 
-class PredictMoveProject(Step, name="predict-move-project"):
+class PredictMoveProject(Projection, name="predict-move-project"):
     """Forces, r* = r + dt u*, projection at r*, then velocity and position are corrected (Koshizuka & Oka 1996).
 
     The pressure is evaluated at moved positions, which damps waves: an oscillation of period T loses
@@ -39,7 +39,7 @@ class PredictMoveProject(Step, name="predict-move-project"):
     reference: ClassVar = "koshizuka1996"
     # The density source answers dt^2 g with a pressure of its own size: at four times this a resting column explodes.
     steadiness: ClassVar = 0.25
-    fields: ClassVar = (*Step.fields, Field("velocity_before", ("d",), "m/s", "predicted velocity"))
+    fields: ClassVar = (*Projection.fields, Field("velocity_before", ("d",), "m/s", "predicted velocity"))
 
     source: Source = Density()
     """Right side of the pressure Poisson equation."""

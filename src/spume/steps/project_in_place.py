@@ -18,7 +18,7 @@ from spume.schemes.shifting.fickian import Fickian
 from spume.schemes.source.base import Source
 from spume.schemes.source.divergence_density import DivergenceDensity
 from spume.steps.base import (
-    Step,
+    Projection,
     accelerate,
     accelerated,
     corrected,
@@ -28,7 +28,7 @@ from spume.steps.base import (
 )
 
 
-class ProjectInPlace(Step, name="project-in-place"):
+class ProjectInPlace(Projection, name="project-in-place"):
     """Forces, projection at r^k, then r += dt u^(k+1).
 
     All sums are taken at the positions of the start. For an oscillation this is the symplectic Euler

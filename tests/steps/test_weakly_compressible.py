@@ -1,0 +1,107 @@
+"""The weakly compressible step: speed of sound, rest, momentum, and a collapse beside the projection's."""
+
+import numpy as np
+import pytest
+
+import spume
+from spume.schemes.collision.none import Free
+from spume.steps.weakly_compressible import WeaklyCompressible
+from tanks import advanced, by_id, column, dam_break, drop
+
+
+def build(case, device):
+    return case.build(device=device, threads=1, precision="double")
+
+
+@pytest.mark.parametrize("exponent", [1.0, 7.0])
+def test_sound_travels_at_its_speed(device, exponent):
+    """A standing wave of pressure in a periodic box swings with the period L/c0, within 3 %."""
+    length, l0, c0 = 1.0, 0.05, 20.0
+    step = WeaklyCompressible(speed_of_sound=c0, exponent=exponent, diffusion=0.0)
+    case = spume.Case(
+        spacing=l0, time=spume.Time(end=1.0),
+        domain=spume.Domain(periodic=["x", "y"], lower=[0.0, 0.0], upper=[length, 8 * l0], gravity=[0.0, 0.0]),
+        fluid=[spume.Fluid(name="water", shape=spume.Box(lower=[0.0, 0.0], upper=[length, 8 * l0]))], step=step,
+    )  # fmt: skip
+    simulation = build(case, device)
+    x = simulation.fetch("position")[:, 0]
+    simulation.particles.set("pressure", 100.0 * np.cos(2 * np.pi * x / length))
+    times, amplitudes = [], []
+    while simulation.time < 1.1 * length / c0:
+        simulation.advance()
+        x, p = by_id(simulation, "position", "pressure")
+        times.append(simulation.time - simulation.dt)  # the pressure is that of the step's start
+        amplitudes.append(2.0 * np.mean(p * np.cos(2 * np.pi * x[:, 0] / length)))
+    times, amplitudes = np.array(times), np.array(amplitudes)
+    crossing = np.flatnonzero(np.diff(np.sign(amplitudes)))
+    zeros = [np.interp(0.0, *zip(*sorted(zip(amplitudes[k : k + 2], times[k : k + 2], strict=True)), strict=True))
+             for k in crossing]  # fmt: skip
+    assert len(zeros) == 2
+    assert 2.0 * (zeros[1] - zeros[0]) == pytest.approx(length / c0, rel=0.03)
+    assert amplitudes[0] == pytest.approx(100.0, rel=1e-3)
+    assert np.abs(amplitudes).max() < 102.0, "the waves do not grow"
+
+
+def test_diffusion_damps_sound_and_leaves_a_linear_pressure_alone(device):
+    """In a column at rest the diffusion has nothing to do; a disturbance of single rows dies out at once."""
+    simulation = advanced(build(column(step=WeaklyCompressible(), initial="hydrostatic"), device), steps=2)
+    rate = by_id(simulation, "density_diffusion")
+    assert np.abs(rate).max() < 1e-2
+    left = {}
+    for diffusion in (0.0, 0.1):
+        step = WeaklyCompressible(speed_of_sound=15.0, diffusion=diffusion)
+        simulation = build(drop(step=step, gravity=(0.0, 0.0)), device)
+        noise = np.random.default_rng(4).normal(size=simulation.particles.count)
+        simulation.particles.set("pressure", 10.0 * noise)
+        left[diffusion] = by_id(advanced(simulation, steps=60), "relative_density").std()
+    assert left[0.1] < 0.5 * left[0.0]
+
+
+def test_a_column_stays_at_rest(device):
+    """Hydrostatic pressure, and c0 = 10 sqrt(g H) where none is given."""
+    simulation = advanced(build(column(step=WeaklyCompressible(), initial="hydrostatic"), device), steps=200)
+    x, u, p = by_id(simulation, "position", "velocity", "pressure")
+    assert np.abs(p - 9810.0 * (0.5 - x[:, 1])).max() < 0.005 * 9810.0 * 0.5
+    assert np.abs(u).max() < 1e-3 * np.sqrt(9.81 * 0.5)
+    c0 = by_id(simulation, "speed_of_sound")
+    assert c0 == pytest.approx(10.0 * np.sqrt(9.81 * 0.5))
+    assert simulation.dt <= 0.25 * 0.025 / c0[0]
+    assert "iterations" not in simulation.statistics
+
+
+def test_momentum_is_conserved(device):
+    """A disturbed drop under pressure: the pairs' forces cancel, whatever their sum does to single rows."""
+    step = WeaklyCompressible(speed_of_sound=15.0, collision=Free())
+    case = drop(
+        step=step, gravity=(0.0, 0.0),
+        fluid={"disturbance": 0.2, "initial": {"kind": "uniform", "value": [0.3, -0.1]}},
+    )  # fmt: skip
+    simulation = build(case, device)
+    simulation.particles.set(
+        "pressure", 500.0 + 300.0 * np.random.default_rng(2).normal(size=simulation.particles.count)
+    )
+    advanced(simulation, steps=40)
+    u = by_id(simulation, "velocity")
+    assert np.abs(u - [0.3, -0.1]).max() > 0.02
+    assert u.mean(axis=0) == pytest.approx([0.3, -0.1], abs=1e-12)
+
+
+def test_a_column_collapses_as_with_a_projection(device):
+    """The front within 5 % of project-in-place before the impact; the density within a few Mach numbers squared."""
+    fronts = {}
+    for name, step in (("sound", WeaklyCompressible()), ("projection", None)):
+        simulation = advanced(build(dam_break(step=step), device), until=0.2)
+        fronts[name] = by_id(simulation, "position")[:, 0].max()
+        if step is not None:
+            ratio, u = by_id(simulation, "relative_density", "velocity")
+            mach = np.linalg.norm(u, axis=1).max() / (10.0 * np.sqrt(9.81 * 0.2))
+            assert simulation.statistics["mach"] == pytest.approx(mach)
+            assert simulation.statistics["removed"] == 0
+            assert np.abs(ratio - 1.0).max() < 2.0 * mach**2
+    assert fronts["projection"] > 0.4
+    assert fronts["sound"] == pytest.approx(fronts["projection"], rel=0.05)
+
+
+def test_the_speed_of_sound_must_be_known(device):
+    with pytest.raises(ValueError, match="speed_of_sound"):
+        build(drop(step=WeaklyCompressible(), gravity=(0.0, 0.0)), device).advance()
