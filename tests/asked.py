@@ -1,0 +1,159 @@
+"""Ask a scheme of any family for its numbers on a ``Cloud`` of ``tests/reference``, in the order of its rows."""
+
+import numpy as np
+
+from arrangements import table
+from reference.cloud import DT, DT_BEFORE
+from spume.particles import FLUID
+from spume.pressure.matrix import SYSTEM_FIELDS, UNKNOWN, LinearSystem
+from spume.schemes.divergence.original import Original as OriginalDivergence
+from spume.schemes.free_surface.base import SURFACE_SHARE
+from spume.schemes.number_density.base import Original as NumberDensity
+from spume.schemes.source.base import DIVERGENCE, SOURCE
+from spume.steps.base import nested
+from spume.wall_models.base import WALL_FIELDS
+
+FIELDS = (*SYSTEM_FIELDS, *WALL_FIELDS, SURFACE_SHARE, SOURCE, DIVERGENCE)
+
+
+REACH = 3.2
+"""Search radius, as a multiple of l0: at least that of any scheme that is asked."""
+
+
+class Rows:
+    """The rows of a cloud in Spume's table, which sorts them: fields go in and come out in the cloud's order.
+
+    Making a table takes longer than most sums over it, so each cloud has one, whose fields start anew for each scheme.
+    """
+
+    def __new__(cls, scheme, cloud, share=None, **fields):
+        self = cloud.__dict__.get("_rows") or super().__new__(cls)
+        if "_rows" not in cloud.__dict__:
+            cloud._rows = self
+            period = getattr(cloud, "period", None)
+            self.lattice, self.particles, self.pairs = table(
+                cloud.x, spacing=cloud.l0, fields=FIELDS, reach=max(REACH, cloud.re / cloud.l0), skin=0.05,
+                region=None if period is None else ([-period / 2] * cloud.d, [period / 2] * cloud.d),
+                periodic=[period is not None] * cloud.d,
+            )  # fmt: skip
+            self.order = self.particles.numpy("id")
+        self.particles.declare(field for part in nested(scheme) for field in getattr(part, "needs", ()))
+        given = {"position": cloud.x, "velocity": cloud.u, "density": cloud.rho, "kinematic_viscosity": cloud.nu}
+        if share is not None:
+            given |= {"surface_share": share, "free_surface": share > 0.5}
+        given |= fields | {"kind": np.full(len(cloud), FLUID)}
+        for name, field in self.particles.fields.items():
+            if name != "id":
+                shape = (len(cloud), *field.value_shape(cloud.d))
+                values = np.asarray(given[name])[self.order] if name in given else np.full(shape, field.initial)
+                self.particles.set(name, values)
+        return self
+
+    @property
+    def handles(self):
+        return self.lattice, self.particles, self.pairs
+
+    def put(self, **fields):
+        for name, values in fields.items():
+            self.particles.set(name, np.asarray(values)[self.order])
+
+    def get(self, name):
+        values = self.particles.numpy(name)
+        found = np.empty_like(values)
+        found[self.order] = values
+        return found
+
+
+def number_density(scheme, cloud, share=None):
+    rows = Rows(scheme, cloud, share)
+    scheme(*rows.handles)
+    return rows.get("number_density")
+
+
+def gradient(scheme, cloud, phi=None, share=None, dt=0.0):
+    rows = Rows(scheme, cloud, share, scalar=cloud.phi if phi is None else phi)
+    scheme(*rows.handles, phi="scalar", out="vector", dt=dt)
+    return rows.get("vector")
+
+
+def divergence(scheme, cloud, u=None, share=None):
+    rows = Rows(scheme, cloud, share, velocity=cloud.u if u is None else u)
+    scheme(*rows.handles, out="answer")
+    return rows.get("answer")
+
+
+def system(scheme, cloud, slope=None, share=None):
+    """Return the matrix M and the right side b, of the laplacian s = b - M phi."""
+    n = len(cloud)
+    before = np.zeros((n, cloud.d)) if slope is None else slope
+    rows = Rows(scheme, cloud, share, row_state=np.full(n, UNKNOWN), pressure_gradient=before, density=np.ones(n))
+    linear = LinearSystem()
+    linear.assemble(scheme, *rows.handles)
+    start, length = linear.start.to_numpy(), rows.particles.numpy("row_length")
+    column, value = linear.column.to_numpy(), linear.value.to_numpy()
+    matrix = np.diag(rows.particles.numpy("diagonal"))
+    for i in range(n):
+        slots = slice(start[i], start[i] + length[i])
+        np.add.at(matrix[i], column[slots], value[slots])
+    back = np.argsort(rows.order)
+    return matrix[np.ix_(back, back)], rows.get("rhs")
+
+
+def laplacian(scheme, cloud, phi=None, slope=None, share=None):
+    matrix, right = system(scheme, cloud, cloud.slope if slope is None else slope, share)
+    return right - matrix @ (cloud.phi if phi is None else phi)
+
+
+def source(scheme, cloud, u=None, share=None):
+    """Two steps, for sources that remember; number density and divergence are the original ones."""
+    rows = Rows(scheme, cloud, share)
+    model, divergence = NumberDensity(re=cloud.re / cloud.l0), OriginalDivergence(re=cloud.re / cloud.l0)
+    rows.put(position=cloud.before[0], velocity=cloud.u_before)
+    scheme.remember(*rows.handles, model, False)
+    scheme(*rows.handles, DT_BEFORE, divergence, model, False)
+    rows.put(position=cloud.before[1])
+    scheme.remember(*rows.handles, model, False)
+    rows.put(position=cloud.x, velocity=cloud.u if u is None else u)
+    model(*rows.handles)
+    scheme(*rows.handles, DT, divergence, model, False)
+    return rows.get("source")
+
+
+def viscosity(scheme, cloud, u=None, dt=DT, share=None):
+    rows = Rows(scheme, cloud, share, slip_velocity=cloud.u if u is None else u)
+    scheme(*rows.handles, dt)
+    return rows.get("acceleration")
+
+
+def shifting(scheme, cloud, share=None):
+    rows = Rows(scheme, cloud, share, pressure=cloud.phi, pressure_gradient=cloud.slope)
+    model = NumberDensity(re=cloud.re / cloud.l0)
+    model(*rows.handles)
+    scheme(*rows.handles, model, DT)
+    return rows.get("position") - cloud.x
+
+
+def free_surface(scheme, cloud, share=None):
+    rows = Rows(scheme, cloud, share)
+    model = NumberDensity()
+    model(*rows.handles)
+    scheme(*rows.handles, model)
+    return rows.get("surface_share")
+
+
+def collision(scheme, cloud, share=None):
+    rows = Rows(scheme, cloud, share)
+    scheme(*rows.handles, DT)
+    return rows.get("velocity") - cloud.u
+
+
+def turbulence(scheme, cloud, share=None):
+    rows = Rows(scheme, cloud, share, slip_velocity=cloud.u)
+    return rows.get(scheme(*rows.handles))
+
+
+ASK = {
+    "collision": collision, "divergence": divergence, "free_surface": free_surface, "gradient": gradient,
+    "laplacian": laplacian, "number_density": number_density, "shifting": shifting, "source": source,
+    "turbulence": turbulence, "viscosity": viscosity,
+}  # fmt: skip

@@ -1,0 +1,214 @@
+"""Make each scheme wrong on purpose and see that its claims notice: python tests/mutants.py [FAMILY] [--quick].
+
+A mutant is a copy of the sources in which one formula of a scheme has a wrong factor, sign or radius. It is killed if
+the tests of that scheme in tests/test_claims.py fail. Mutants of schemes that do not depend on each other share a run;
+one that the reference values do not find is then run alone. Prints killed/total; exits with 1 if one survives.
+
+Options:
+    --quick        one factor, one sign and one radius per scheme
+    --jobs N       processes (default 2)
+    --limit S      seconds per mutant (default 240); a mutant that alone runs longer counts as killed
+    --state FILE   where results are kept, so that a run can be resumed (default: in the temporary folder)
+"""
+
+import argparse
+import ast
+import concurrent.futures
+import hashlib
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+SCHEMES = ROOT / "src" / "spume" / "schemes"
+
+
+def schemes_of(tree):
+    """Return the names under which the classes of a module are registered."""
+    classes = (node for node in tree.body if isinstance(node, ast.ClassDef))
+    return [keyword.value.value for node in classes for keyword in node.keywords if keyword.arg == "name"]
+
+
+def formulas(tree):
+    """Yield the last return of each function of the kernel language: those without annotations of their arguments."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef) and not any(a.annotation for a in node.args.args) and node.args.args:
+            if node.args.args[0].arg == "self" or node.name.startswith("__"):
+                continue
+            returns = [n for n in ast.walk(node) if isinstance(n, ast.Return) and n.value is not None]
+            if returns and not (isinstance(returns[-1].value, ast.Name) and node.name == "decorate"):
+                yield node.name, returns[-1].value
+
+
+def mutations(text):
+    """Yield (what, mutated text) for a module's text."""
+    tree = ast.parse(text)
+    for name, value in formulas(tree):
+        compare = next((n for n in ast.walk(value) if isinstance(n, ast.Compare)), None)
+        if compare is not None:
+            limit = compare.comparators[0]
+            old = ast.get_source_segment(text, compare)
+            right = ast.get_source_segment(text, limit)
+            sign = {ast.Lt: ">=", ast.Gt: "<=", ast.LtE: ">", ast.GtE: "<", ast.Eq: "!="}.get(type(compare.ops[0]))
+            left = ast.get_source_segment(text, compare.left)
+            if sign:
+                yield f"sign of {name}", swap(text, compare, f"{left} {sign} {right}")
+            if not isinstance(compare.ops[0], ast.Eq):
+                yield f"factor of {name}", swap(text, compare, old[: -len(right)] + f"(0.8 * {right})")
+        else:
+            expression = ast.get_source_segment(text, value)
+            yield f"factor of {name}", swap(text, value, f"({expression}) * 1.1")
+            yield f"sign of {name}", swap(text, value, f"({expression}) * (-1.0)")
+    for owner in ("self", "operator", "model", "number_density"):
+        word = f"{owner}.radius(lattice)"
+        if word in text:
+            yield f"radius {word}", text.replace(word, f"0.8 * {word}")
+
+
+def swap(text, node, new):
+    """Return the text with a node's source replaced."""
+    lines = text.splitlines(keepends=True)
+    first = sum(len(line.encode()) for line in lines[: node.lineno - 1]) + node.col_offset
+    last = sum(len(line.encode()) for line in lines[: node.end_lineno - 1]) + node.end_col_offset
+    raw = text.encode()
+    return (raw[:first] + new.encode() + raw[last:]).decode()
+
+
+def mutants(family, quick):
+    """Yield (path, names of the schemes that must notice, what, text)."""
+    for path in sorted(SCHEMES.glob(f"{family or '*'}/*.py")):
+        text = path.read_text(encoding="utf-8")
+        names = [f"{path.parent.name}.{name}" for name in schemes_of(ast.parse(text))]
+        if not names:
+            continue
+        seen = set()
+        for what, mutated in mutations(text):
+            kind = what.split()[0]
+            if not (quick and kind in seen):
+                seen.add(kind)
+                yield path, names, what, mutated
+
+
+ALONE = ("weight/inverse.py", "number_density/base.py", "divergence/original.py")
+"""Files that the tests of other families use."""
+
+
+def reach(path):
+    """Return the files of schemes that a file imports, directly or through others."""
+    found, waiting = set(), [path]
+    while waiting:
+        text = waiting.pop().read_text(encoding="utf-8")
+        for words in re.findall(r"^from spume\.schemes\.(\w+)\.(\w+) import", text, re.MULTILINE):
+            other = SCHEMES / words[0] / f"{words[1]}.py"
+            if other.exists() and other not in found:
+                found.add(other)
+                waiting.append(other)
+    return found
+
+
+def batches(chosen):
+    """Group mutants so that no scheme of a group depends on the file of another: then one run judges them all."""
+    groups = []
+    for mutant in chosen:
+        path, needed = mutant[0], reach(mutant[0])
+        for group in groups:
+            others = [other[0] for other in group]
+            alone = any(str(p.relative_to(SCHEMES)) in ALONE for p in (path, *others))
+            if not alone and path not in others and not any(p in needed or path in reach(p) for p in others):
+                group.append(mutant)
+                break
+        else:
+            groups.append([mutant])
+    return groups
+
+
+def failed(group, words, limit):
+    """Return the names of the tests that fail with the mutants of a group, None if there was no end of it."""
+    with tempfile.TemporaryDirectory(prefix="spume-mutants-") as folder:
+        copy = Path(folder)
+        for part in ("src", "tests", "pyproject.toml"):
+            source = ROOT / part
+            ignore = shutil.ignore_patterns("__pycache__", ".*")
+            shutil.copytree(source, copy / part, ignore=ignore) if source.is_dir() else shutil.copy(source, copy / part)
+        for path, _, _, text in group:
+            (copy / path.relative_to(ROOT)).write_text(text, encoding="utf-8")
+        environment = os.environ | {"PYTHONPATH": str(copy / "src"), "PYTHONDONTWRITEBYTECODE": "1"}
+        command = [sys.executable, "-m", "pytest", "-q", "-rfE", "--tb=no", "-p", "no:cacheprovider"]
+        command += ["tests/test_claims.py", "-k", words]
+        try:
+            answer = subprocess.run(command, cwd=copy, env=environment, capture_output=True, text=True, timeout=limit)
+        except subprocess.TimeoutExpired:
+            return None
+    if answer.returncode not in (0, 1, 5):  # 5: no test of that kind
+        return None
+    return re.findall(r"^(?:FAILED|ERROR) \S+?::(.*)$", answer.stdout, re.MULTILINE)
+
+
+def noticed(names, tests):
+    """Whether a test of one of the schemes is among those that failed."""
+    return any(re.search(rf"{re.escape(name)}(?![\w-]*[a-z])", test) for name in names for test in tests)
+
+
+def judge(group, limit):
+    """Yield (mutant, "killed" or "survived")."""
+    # The reference values first: they find nearly every mutant and need the fewest kernels.
+    names = " or ".join(f"{name}-" for mutant in group for name in mutant[1])
+    tests = failed(group, f"the_scheme_gives and 2D and ({names})", limit * len(group))
+    for mutant in group:
+        killed = tests is not None and noticed(mutant[1], tests)
+        if not killed:
+            every = failed([mutant], f"({' or '.join(mutant[1])}) and not double_loop", limit)
+            killed = every is None or bool(every)
+        yield mutant, "killed" if killed else "survived"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("family", nargs="?")
+    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--limit", type=float, default=240.0)
+    parser.add_argument("--state", type=Path, default=Path(tempfile.gettempdir()) / "spume-mutants.jsonl")
+    options = parser.parse_args()
+    tests = b"".join(p.read_bytes() for p in sorted((ROOT / "tests").rglob("*")) if p.suffix in (".py", ".toml"))
+
+    def key(mutant):
+        return hashlib.sha256(str(mutant[0].name).encode() + mutant[3].encode() + tests).hexdigest()
+
+    known = {}
+    if options.state.exists():
+        known = {e["key"]: e["result"] for e in map(json.loads, options.state.read_text().splitlines())}
+    counts = {"killed": 0, "survived": 0}
+    chosen = list(mutants(options.family, options.quick))
+    for mutant in chosen:
+        if key(mutant) in known:
+            report(mutant, known[key(mutant)], counts)
+    waiting = batches([mutant for mutant in chosen if key(mutant) not in known])
+    with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
+
+        def work(group):
+            for mutant, result in judge(group, options.limit):
+                with lock, options.state.open("a") as file:
+                    file.write(json.dumps({"key": key(mutant), "result": result}) + "\n")
+                    report(mutant, result, counts)
+
+        lock = threading.Lock()
+        list(pool.map(work, waiting))
+    print(f"{counts['killed']}/{sum(counts.values())} killed")
+    return int(counts["survived"] > 0)
+
+
+def report(mutant, result, counts):
+    """Count a result, and print it."""
+    counts[result] += 1
+    print(f"{result}: {mutant[0].relative_to(SCHEMES)}: {mutant[2]}", flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
