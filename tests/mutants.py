@@ -100,6 +100,7 @@ def mutants(family, quick):
 EQUIVALENT = {
     ("free_surface/asymmetry.py", "sign of offset"): "only the length of the sum counts",
     ("free_surface/vector.py", "sign of _scaled"): "only the length of the sum counts",
+    ("turbulence/smagorinsky.py", "sign of _scaled"): "the strain is squared",
 }
 """Mutants that compute the same."""
 
