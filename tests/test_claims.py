@@ -24,6 +24,7 @@ from measured import CLAIMS, FAMILIES, SCHEMES, cells_of, claim, cloud_of, exact
 from reference.cloud import DT, Cloud, checksum, compared, loop, reference_value, scattered
 from reference.shapes import SHAPES, Water
 from spume.cli import app
+from spume.named import find
 
 DOCS = Path(__file__).parents[1] / "docs"
 sys.path.append(str(DOCS))
@@ -301,6 +302,43 @@ def test_scale_of_the_source(name, d):
         found = asked.source(made(name), cloud, compression(cloud))[full(cloud)]
     expected = claim(name).get("scale", [1.0, 1.0])[d - 2]
     assert found * asked.DT / -3.0 == pytest.approx(expected, rel=1e-3)
+
+
+@cache
+def box():
+    """A periodic square of 16 x 16 cells at rest on the lattice."""
+    cloud = Cloud(2, disturbance=0.0, cells=16)
+    cloud.period, cloud.before, cloud.u_before = 16 * cloud.l0, [cloud.x, cloud.x], np.zeros_like(cloud.x)
+    return cloud
+
+
+def left(name, laplacian):
+    """Return the part of the source of a wave of 16 l0 that a projection leaves."""
+    cloud, scheme = box(), made(name)
+    u = np.zeros_like(cloud.x)
+    u[:, 0] = np.sin(2 * np.pi * cloud.x[:, 0] / cloud.period)
+
+    def of_velocity(u):
+        if "displacement" not in claim(name):
+            return asked.source(scheme, cloud, u)
+        tiny = 1e-6
+        return asked.source(scheme, cloud.moved(cloud.x + tiny * DT * u), tiny * u) / tiny
+
+    before = of_velocity(u)
+    matrix, _ = asked.system(laplacian, cloud)
+    pressure = np.linalg.lstsq(-matrix, before, rcond=None)[0]  # of a fluid with density 1
+    u = u - DT * asked.gradient(find("gradient", "original")(), cloud, pressure)
+    return np.linalg.norm(of_velocity(u)) / np.linalg.norm(before)
+
+
+@of("source")
+def test_a_matching_laplacian_leaves_no_divergence(name):
+    """Source, matrix and gradient of one scale: what is left is the error of the operators at this wave length."""
+    partner = claim(name)["partner"]
+    scheme = find("laplacian", partner["name"]).model_validate({k: v for k, v in partner.items() if k != "name"})
+    assert left(name, scheme) < 0.12
+    other = find("laplacian", "higher-order")(form="published")
+    assert left(name, other) > 0.25, "a Laplacian of another scale does not fit"
 
 
 # ---------------------------------------------------------------------------------------- free surface
