@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from spume.bodies import Wall
-from spume.build import check_gauges, grid_of, initial_rows, predict
+from spume.build import check_gauges, grid_of, initial_rows
 from spume.case import Case, CaseError, Domain, Fluid, Time, built_in_cases, load
 from spume.geometry import Box, Polygon, Sphere, Tank
 from spume.particles import DUMMY, FLUID, WALL
+from spume.prediction import predict
 
 L0 = 0.1
 

@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 
 import spume.case  # noqa: F401 - defines every family of a case file
-from spume.named import schemes
+from spume.named import load_all, schemes
 from spume.particles import BASE_FIELDS
-from spume.schemes import discover
 
 DOCS = Path(__file__).parents[1] / "docs"
 
@@ -23,7 +22,7 @@ def systems() -> dict[str, str]:
 
 
 def test_every_scheme_has_its_system_marked():
-    discover()
+    load_all()
     states = systems()
     claimed = {name for scheme in schemes() for name in scheme.ids}
     assert claimed, "no scheme names a system"

@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 from spume import build, toml
 from spume.case import CaseError, built_in_cases, load
 from spume.particles import FLUID
+from spume.prediction import predict
 
 COARSE = {
     "couette": 0.1,
@@ -336,7 +337,7 @@ def verdict(content, folder):
         case = load(file)
         rows = build.initial_rows(case)
         build.check_gauges(case, rows)
-        predicted = build.predict(case, rows, 2)
+        predicted = predict(case, rows, 2)
     except CaseError as error:
         for problem in error.problems:
             assert str(problem).startswith(str(file)), problem

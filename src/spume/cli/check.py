@@ -27,12 +27,13 @@ def check(
 
     from spume import build, kernels
     from spume.outputs.pictures import draw_frames, frame_of
+    from spume.prediction import predict
     from spume.progress import duration
 
     rows = build.initial_rows(loaded)
     build.check_gauges(loaded, rows)
     cores = loaded.threads or kernels.available_threads()
-    predicted = build.predict(loaded, rows, cores)
+    predicted = predict(loaded, rows, cores)
     table = Table(title=loaded.title or loaded.origin.label, show_header=False, title_justify="left")
     table.add_row("spacing", f"{loaded.spacing:g} m, {loaded.dimension}D")
     for index, fluid in enumerate(loaded.fluid):

@@ -1,0 +1,76 @@
+"""What a run will take: particles, steps, memory, time."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spume.case import Case
+from spume.particles import FLUID
+
+BYTES_PER_ROW = {2: 1500, 3: 2500}
+"""Memory of a run per row of the table [bytes], everything included."""
+
+_MICROSECONDS = {2: 8.0, 3: 16.0}  # of one thread per fluid particle and step
+
+
+def memory() -> int:
+    """Return this machine's memory [bytes]; where it cannot be asked, 8 GiB."""
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError, OSError):
+        return 8 << 30
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What a run will take, roughly.
+
+    Attributes:
+        fluid, rows: particles.
+        steps: time steps.
+        bytes: memory.
+        seconds: wall time.
+    """
+
+    fluid: int
+    rows: int
+    steps: int
+    bytes: int
+    seconds: float
+
+
+def predict(case: Case, rows: Mapping[str, NDArray[Any]], threads: int) -> Prediction:
+    """Return an estimate of steps, memory and time on `threads` processor threads.
+
+    The speed is taken as that of a fall over the fluid's height, at least that of the initial field;
+    the cost as microseconds per fluid particle and step.
+    """
+    assert case.domain.gravity is not None
+    fluid = rows["kind"] == FLUID
+    position = rows["position"][fluid]
+    g = float(np.linalg.norm(case.domain.gravity.at(0.0)))
+    speed = max(
+        math.sqrt(2.0 * g * float(np.ptp(position[:, -1]) + case.spacing)),
+        float(np.linalg.norm(rows["velocity"], axis=1).max(initial=0.0)),
+        math.sqrt(case.domain.gravity.stiffness) * float(np.ptp(position, axis=0).max()),
+        1e-6,
+    )
+    dt = case.time.courant * case.spacing / speed
+    viscosity = max(entry.viscosity for entry in case.fluid)
+    if viscosity > 0.0:
+        dt = min(dt, 0.1 * case.spacing**2 / viscosity)
+    dt = min(dt, case.time.step_max or math.inf, case.time.end)
+    steps = math.ceil(case.time.end / dt)
+    count = int(fluid.sum())
+    cost = _MICROSECONDS[case.dimension] / min(threads, 16)
+    seconds = 10.0 + steps * (count * cost * 1e-6 + 1e-3)
+    total = len(fluid)
+    size = total * BYTES_PER_ROW[case.dimension] + (300 << 20)
+    return Prediction(count, total, steps, size, seconds)
