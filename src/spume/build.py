@@ -32,6 +32,9 @@ log = logging.getLogger("spume")
 
 Rows = dict[str, NDArray[Any]]
 
+LARGEST_SPEED = 1e4
+"""Largest component of a fluid's initial velocity [m/s]: far beyond where any liquid flows incompressibly."""
+
 
 def grid_of(case: Case) -> Grid:
     """Return the common lattice of a case's shapes.
@@ -155,10 +158,15 @@ def _fluid_rows(case: Case, grid: Grid, wet: Sequence[NDArray[np.float64]]) -> l
             points = points + np.random.default_rng(fluid.seed).uniform(-reach, reach, points.shape)
         points = _wrapped(case, points)
         n = len(points)
+        velocity = sum((f.velocity(points, setting) for f in fluid.initial), np.zeros_like(points))
+        speed = float(np.abs(velocity).max(initial=0.0))
+        if not speed <= LARGEST_SPEED:  # nor is one that is not a number
+            message = f"gives a velocity of {speed:.3g} m/s; at most {LARGEST_SPEED:g} m/s is allowed"
+            raise case.error(("fluid", index, "initial"), message)
         tables.append(
             {
                 "position": points,
-                "velocity": sum((f.velocity(points, setting) for f in fluid.initial), np.zeros_like(points)),
+                "velocity": velocity,
                 "pressure": sum((f.pressure(points, setting) for f in fluid.initial), np.zeros(n)),
                 "kind": np.full(n, FLUID),
                 "body": np.full(n, -1),

@@ -27,6 +27,9 @@ FAST_STEPS = 5
 SMALLEST_STEP = 1e-4
 """A time step below this part of the largest one so far has collapsed [1]."""
 
+MOST_STEPS = 1e9
+"""A run that would take more steps than this to its end does not reach it: weeks at 1 ms a step."""
+
 BEHIND = 0.5
 """A row whose centre is farther than this behind a wall's surface has gone through it [l0]."""
 
@@ -151,6 +154,13 @@ class Watch:
                 "look at the particle in the last frame; refine the spacing there or widen the gap",
             )
         self._largest_dt = max(self._largest_dt, dt)
+        if (left := clock.end - clock.time) > MOST_STEPS * dt:
+            return Finding(
+                f"the time step collapsed to {dt:.3g} s, limited by {clock.limiter}; the {left:.3g} s to the end would "
+                f"take {left / dt:.2g} steps, more than {MOST_STEPS:g}",
+                "a speed, an acceleration, a viscosity or a motion in other units than SI, or an end that is too far",
+                "check time.end and what the message names as the limit; spume check predicts the number of steps",
+            )
         return None
 
     def _reasonable_speed(self, thorough: bool) -> float:
