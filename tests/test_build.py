@@ -284,3 +284,12 @@ def test_prediction_grows_with_the_case():
     assert many.steps == pytest.approx(2 * few.steps, rel=0.02)
     assert many.seconds > 6 * (few.seconds - 10.0)
     assert many.bytes > few.bytes
+
+
+def test_prediction_with_threads_follows_what_they_share():
+    a_case = load("dam-break")
+    rows = initial_rows(a_case)
+    one, two, all_there_are = (predict(a_case, rows, threads).seconds - 10.0 for threads in (1, 2, 10_000))
+    whatever = 1e-3 * predict(a_case, rows, 1).steps
+    assert (one - whatever) / (two - whatever) == pytest.approx(1.7, rel=0.01)
+    assert 0.1 * one < all_there_are < 0.5 * one

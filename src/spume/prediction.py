@@ -14,10 +14,16 @@ from numpy.typing import NDArray
 from spume.case import Case
 from spume.particles import FLUID
 
-BYTES_PER_ROW = {2: 1500, 3: 2500}
-"""Memory of a run per row of the table [bytes], everything included."""
+# Measured by ``spume bench dam-break --threads 1`` and ``spume bench dam-break-3d --threads 1``, then ``--threads 2``.
 
-_MICROSECONDS = {2: 8.0, 3: 16.0}  # of one thread per fluid particle and step
+BYTES_PER_ROW = {2: 1100, 3: 1900}
+"""Memory of a run per row of the table [bytes]."""
+
+_BASE_BYTES = 350 << 20  # of the program itself
+_MICROSECONDS = {2: 5.2, 3: 7.5}  # of one thread per fluid particle and step
+_PARALLEL = 0.82  # part of a step that threads share: two are 1.7 times as fast as one in 3D
+_START = 10.0  # s, until kernels are compiled
+_PER_STEP = 1e-3  # s, whatever the number of particles
 
 
 def memory() -> int:
@@ -50,7 +56,7 @@ def predict(case: Case, rows: Mapping[str, NDArray[Any]], threads: int) -> Predi
     """Return an estimate of steps, memory and time on `threads` processor threads.
 
     The speed is taken as that of a fall over the fluid's height, at least that of the initial field;
-    the cost as microseconds per fluid particle and step.
+    the cost as microseconds per fluid particle and step, of which threads share a part (Amdahl's law).
     """
     assert case.domain.gravity is not None
     fluid = rows["kind"] == FLUID
@@ -69,8 +75,8 @@ def predict(case: Case, rows: Mapping[str, NDArray[Any]], threads: int) -> Predi
     dt = min(dt, case.time.step_max or math.inf, case.time.end)
     steps = math.ceil(case.time.end / dt)
     count = int(fluid.sum())
-    cost = _MICROSECONDS[case.dimension] / min(threads, 16)
-    seconds = 10.0 + steps * (count * cost * 1e-6 + 1e-3)
+    cost = _MICROSECONDS[case.dimension] * (1.0 - _PARALLEL + _PARALLEL / threads)
+    seconds = _START + steps * (count * cost * 1e-6 + _PER_STEP)
     total = len(fluid)
-    size = total * BYTES_PER_ROW[case.dimension] + (300 << 20)
+    size = total * BYTES_PER_ROW[case.dimension] + _BASE_BYTES
     return Prediction(count, total, steps, size, seconds)
