@@ -8,6 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 import spume.run
+from spume import kernels
 from spume.case import built_in_cases, load
 from spume.cli import app
 from spume.outputs.disk import NotWritten
@@ -44,6 +45,14 @@ def test_check_draws_and_predicts_and_computes_nothing(call, tmp_path):
     assert "steps" in result.output
     assert [path.name for path in tmp_path.iterdir()] == ["dam-break-initial.png"]
     assert (tmp_path / "dam-break-initial.png").stat().st_size > 5000
+
+
+def test_check_predicts_for_as_many_threads_as_a_run_would_have(call):
+    few = call("check", "dam-break", "--set", "spacing=0.05")
+    assert "with 1 thread " in few.output  # a small table is not worth more
+    many = call("check", "dam-break", "--set", "spacing=0.05", "--threads", "100000")
+    assert many.exit_code == 0
+    assert f"with {kernels.processors()} thread" in many.output
 
 
 def test_check_in_3d_writes_where_it_is_told(call, tmp_path):

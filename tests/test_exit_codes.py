@@ -42,21 +42,10 @@ def start(tmp_path):
     (tmp_path / "tiny.toml").write_text(CASE, encoding="utf-8")
     started = []
 
-    def start(*settings, options=()):
+    def start(*settings, device="cpu"):
         words = [part for setting in settings for part in ("--set", setting)]
-        command = [
-            sys.executable,
-            "-m",
-            "spume",
-            "run",
-            "tiny.toml",
-            "--out",
-            "out",
-            "--threads",
-            "1",
-            *words,
-            *options,
-        ]
+        command = [sys.executable, "-m", "spume", "run", "tiny.toml", "--out", "out", "--threads", "1", *words]
+        command += ["--device", device]
         process = subprocess.Popen(
             command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
             env=os.environ | {"COLUMNS": "200"},
@@ -104,6 +93,23 @@ def test_2_input_to_correct(ended, tmp_path, setting, message):
     assert (code, "Traceback" in err) == (2, False)
     assert err.startswith(f"error: {message}")
     assert not (tmp_path / "out" / "log.csv").exists()
+
+
+def test_2_a_device_that_this_machine_lacks(ended, tmp_path):
+    lacking = "cuda" if sys.platform == "darwin" else "metal"
+    code, _, err = ended(device=lacking)
+    assert (code, "Traceback" in err) == (2, False)
+    assert err.startswith(f"error: device = '{lacking}': not available on this machine")
+    assert not (tmp_path / "out" / "log.csv").exists()
+
+
+def test_2_cuda_without_a_card(ended):
+    """Where there is one, the same command computes."""
+    code, out, err = ended(device="cuda")
+    if code == 2:
+        assert err.startswith("error: device = 'cuda': not available on this machine")
+    else:
+        assert (code, "Done: " in out) == (0, True), err
 
 
 def test_3_diverged_where_a_step_cannot_be_solved(ended, tmp_path):

@@ -42,6 +42,16 @@ def test_threads_from_the_surroundings(machine, slurm, openmp, quota, threads):
     assert kernels.available_threads() == threads
 
 
+def test_no_more_threads_than_processors(machine, caplog):
+    machine.setattr(kernels.log, "propagate", True)
+    machine.setenv("OMP_NUM_THREADS", "2")  # a wish, which an explicit number goes before
+    machine.setattr(kernels, "quota", lambda _: 4)
+    assert [kernels.possible_threads(n) for n in (1, 2, 4)] == [1, 2, 4]
+    assert caplog.messages == []
+    assert kernels.possible_threads(100_000) == 4
+    assert caplog.messages == ["threads = 100000: this process may use 4 processors; 4 threads compute"]
+
+
 @pytest.mark.parametrize(
     ("files", "processors"),
     [

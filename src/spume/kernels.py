@@ -71,15 +71,32 @@ _caches: list[Callable[[], None]] = []
 def available_threads() -> int:
     """Return the number of CPU threads this process may use.
 
-    The smallest of what the operating system allows (affinity), what a container allows (the quota of its
-    control group, rounded up), and what the surroundings ask for: SLURM_CPUS_PER_TASK, or where that is not
+    The smaller of `processors` and of what the surroundings ask for: SLURM_CPUS_PER_TASK, or where that is not
     set OMP_NUM_THREADS.
     """
-    allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     asked = [text for name in ("SLURM_CPUS_PER_TASK", "OMP_NUM_THREADS") if (text := os.environ.get(name, "").strip())]
     first = asked[0].split(",")[0] if asked else ""  # OMP_NUM_THREADS may list nested levels: 4,2
-    limits = [allowed, quota(Path("/sys/fs/cgroup")), int(first) if first.isdecimal() else 0]
-    return min(limit for limit in limits if limit > 0)
+    wanted = int(first) if first.isdecimal() else 0
+    return min(processors(), wanted) if wanted > 0 else processors()
+
+
+def processors() -> int:
+    """Return the number of processors this process may use.
+
+    The smaller of what the operating system allows (affinity) and what a container allows (the quota of its
+    control group, rounded up).
+    """
+    allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    granted = quota(Path("/sys/fs/cgroup"))
+    return min(allowed, granted) if granted > 0 else allowed
+
+
+def possible_threads(asked: int) -> int:
+    """Return a number of threads, at most one for each processor, beyond which threads only wait for each other."""
+    if asked > (have := processors()):
+        log.warning("threads = %d: this process may use %d processors; %d threads compute", asked, have, have)
+        return have
+    return asked
 
 
 def quota(root: Path) -> int:
@@ -155,7 +172,7 @@ def initialize(device: str | None = None, threads: int | None = None, precision:
 
     Args:
         device: one of ``DEVICES``; default: the environment variable ``SPUME_DEVICE``, else ``cpu``.
-        threads: CPU threads; default: all that the process may use.
+        threads: CPU threads, at most one for each processor; default: all that the process may use.
         precision: ``double`` or ``single``.
 
     Raises:
@@ -169,7 +186,7 @@ def initialize(device: str | None = None, threads: int | None = None, precision:
         raise DeviceError(f"precision = {precision!r}: one of {', '.join(PRECISIONS)}")
     if threads is not None and threads < 1:
         raise DeviceError(f"threads = {threads}: at least 1")
-    wanted = Runtime(device, threads or available_threads(), precision)
+    wanted = Runtime(device, available_threads() if threads is None else possible_threads(threads), precision)
     if wanted == _runtime:
         return wanted
     folder = cache_folder()

@@ -32,7 +32,7 @@ def check(
 
     rows = build.initial_rows(loaded)
     build.check_gauges(loaded, rows)
-    cores = loaded.threads or kernels.available_threads()
+    cores = kernels.possible_threads(loaded.threads or kernels.worthwhile_threads(len(rows["kind"])))
     predicted = predict(loaded, rows, cores)
     table = Table(title=loaded.title or loaded.origin.label, show_header=False, title_justify="left")
     table.add_row("spacing", f"{loaded.spacing:g} m, {loaded.dimension}D")
@@ -47,7 +47,7 @@ def check(
     table.add_row("gauges", ", ".join(gauge.name for gauge in loaded.gauge) or "none")
     table.add_row("memory", f"about {predicted.bytes / 2**20:,.0f} MiB")
     table.add_row("steps", f"about {predicted.steps:,} to {loaded.time.end:g} s")
-    table.add_row("time", f"about {duration(predicted.seconds)} with {cores} threads")
+    table.add_row("time", f"about {duration(predicted.seconds)} with {cores} thread{'s' * (cores > 1)}")
     picture = Path(f"{loaded.origin.label}-initial.png") if out is None else out
     picture.parent.mkdir(parents=True, exist_ok=True)
     settings = loaded.output
