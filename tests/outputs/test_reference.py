@@ -3,8 +3,8 @@ import pytest
 from pydantic import ValidationError
 
 from outputs.fake_run import make_run
-from spume.outputs.gauge import read_csv
 from spume.outputs.reference import Compare, Reference, compare, first_crossing, table
+from spume.tables import read_columns
 
 
 def write_csv(path, header, *columns):
@@ -135,4 +135,4 @@ def test_wrong_keys_are_refused(folder):
 def test_reference_tables_may_carry_comments(tmp_path):
     path = tmp_path / "r.csv"
     path.write_text("# Someone 2014, fig. 3\nt [s],p [Pa]\n0,1\n")
-    assert read_csv(path)[1]["p"] == "Pa"
+    assert read_columns(path)[1]["p"] == "Pa"

@@ -8,10 +8,10 @@ from PIL import Image
 from outputs.fake_run import Simulation, complete, make_run, snapshot_of, tank
 from outputs.test_reference import write_csv
 from spume.outputs import OutputSettings, Reference, outputs_of, pictures, raster, vtkhdf
-from spume.outputs.gauge import read_csv
 from spume.outputs.gauges import Elevation, Force, Volume
 from spume.outputs.log import Log
 from spume.outputs.output import Output, Outputs
+from spume.tables import read_columns
 
 
 def colours_of(path):
@@ -94,7 +94,7 @@ def test_log_has_units_every_limiter_and_is_readable_while_the_run_goes_on(tmp_p
         run.simulation.advance()
         log.after_step(run)
     log.finish(run)
-    columns, units = read_csv(tmp_path / "log.csv")
+    columns, units = read_columns(tmp_path / "log.csv")
     assert columns["step"].tolist() == [1, 2, 3, 4, 5, 6]
     assert columns["iterations"].tolist() == [1, 2, 3, 4, 5, 6]
     assert columns["clipped"].tolist() == [0, 0, 0, 1, 1, 1]  # a limiter that is used from step 4 on
@@ -113,7 +113,7 @@ def test_a_log_line_for_several_steps_adds_up_what_was_counted(tmp_path):
         run.simulation.advance()
         log.after_step(run)
     log.finish(run)
-    columns, _ = read_csv(tmp_path / "log.csv")
+    columns, _ = read_columns(tmp_path / "log.csv")
     assert columns["step"].tolist() == [3, 6]
     assert columns["collisions"].tolist() == [6, 6]
     assert columns["clipped"].tolist() == [0, 3]

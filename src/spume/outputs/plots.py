@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from spume.outputs.gauge import read_csv
 from spume.outputs.reference import Reference, common_shift, simulated
+from spume.tables import read_columns
 
 # Okabe & Ito's colours, told apart by everybody.
 _SIMULATION = "#0072B2"
@@ -44,7 +44,7 @@ def plot_gauge(path: Path, file: Path, figure: Any, references: Sequence[Referen
 
 
 def _alone(axes: Any, file: Path) -> None:
-    columns, units = read_csv(file)
+    columns, units = read_columns(file)
     names = [n for n in columns if n != "time"]
     first = units[names[0]]
     same = [n for n in names if units[n] == first]  # one axis holds one unit
@@ -101,7 +101,7 @@ def plot_gauges(folder: Path, gauge_folder: str, figure: Any, references: Sequen
     shift = common_shift([(r, r.load(), simulated(r, folder)) for r in references]) if references else 0.0
     made = []
     for file in sorted((folder / gauge_folder).glob("*.csv")):
-        columns, _ = read_csv(file)
+        columns, _ = read_columns(file)
         if len(columns) < 2 or not np.any(np.isfinite(next(iter(columns.values())))):
             continue
         mine = [r for r in references if r.gauge == file.stem]

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from spume.named import File, Parameters
-from spume.outputs.gauge import read_csv
 from spume.outputs.output import Output, RunLike
 from spume.outputs.record import path as gauge_path
+from spume.tables import read_columns
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -80,7 +80,7 @@ class Reference(Parameters):
         Raises:
             ValueError: a column that the file does not have.
         """
-        columns, _ = read_csv(self.file)
+        columns, _ = read_columns(self.file)
         names = list(columns)
 
         def column(key: str, name: str, default: int) -> NDArray[np.float64]:
@@ -177,8 +177,7 @@ def compare(references: Sequence[Reference], folder: Path) -> list[Comparison]:
     """Compare the gauges of a run folder with their references, in the order given.
 
     Raises:
-        FileNotFoundError: a gauge has no file.
-        ValueError: a column that is not there.
+        ValueError: a gauge has no file, or a column is not there.
     """
     pairs = [(r, r.load(), simulated(r, folder)) for r in references]
     seconds = common_shift(pairs)
@@ -188,7 +187,7 @@ def compare(references: Sequence[Reference], folder: Path) -> list[Comparison]:
 def simulated(reference: Reference, folder: Path) -> Series:
     """Return a gauge's series from a run folder, in the reference's units and without time shift."""
     file = gauge_path(folder, reference.gauge)
-    columns, _ = read_csv(file)
+    columns, _ = read_columns(file)
     names = [n for n in columns if n != "time"]
     name = reference.value or names[0]
     if name not in names:
