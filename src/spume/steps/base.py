@@ -165,6 +165,10 @@ class Step(Scheme, family="step"):
         """Return the largest time step [s] that the step itself allows, for the largest ``speed`` [m/s]."""
         return inf
 
+    def caution(self) -> str:
+        """Return which two models do not fit each other, though they can be computed together, or nothing."""
+        return ""
+
     def needed_fields(self) -> tuple[Field, ...]:
         """Return every field that the step and the schemes in its slots need."""
         found = list(self.fields)
@@ -217,6 +221,11 @@ class Projection(Step):
                 "does not give: choose multigrid or bicgstab"
             )
         return self
+
+    def caution(self) -> str:
+        """Return which two models do not fit each other, though they can be computed together, or nothing."""
+        found = self.laplacian.caution(self.source.of_slope, self.number_density.re)
+        return f"source {self.source.key!r} {found}" if found else ""
 
 
 def nested(scheme: Scheme) -> Iterator[Scheme]:
