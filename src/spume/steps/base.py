@@ -152,7 +152,11 @@ class Step(Scheme, family="step"):
     fields: ClassVar[tuple[Field, ...]] = (*SYSTEM_FIELDS, CLIPPED, *Corrected.needs)
 
     def __call__(self, domain: Domain, t: float, dt: float) -> dict[str, float]:
-        """Advance the domain from t to t + dt; return figures of the step (iterations, residual, limiters)."""
+        """Advance the domain from t to t + dt; return figures of the step.
+
+        They are the largest ``acceleration`` [m/s^2] without the pressure's, which limits the next time step, and what
+        logs count: iterations, residual, uses of limiters.
+        """
         raise NotImplementedError
 
     def begin(self, domain: Domain) -> None:
