@@ -152,7 +152,7 @@ def test_folders_and_byte_order_marks(file):
         (
             'kind = "box"',
             'kind = "bx"',
-            'tank.toml:9: fluid.water.shape.kind = "bx": one of box, cylinder, polygon',
+            'tank.toml:9: fluid.water.shape.kind = "bx": one of box, cylinder, difference',
         ),
         ('kind = "box"', 'kin = "box"', "tank.toml:9: fluid.water.shape"),
         (

@@ -153,7 +153,7 @@ def test_limiters_that_act_too_often_are_told_of_once(simulation, told):
 
 def test_limiters_that_act_as_usual_are_not_told_of(simulation, told):
     for _ in range(3 * WINDOW):
-        simulation.watch.after_step({"collisions": 1.0, "clipped": 40, "fallbacks": 0})
+        simulation.watch.after_step({"collisions": 1.0, "clipped": 0.5, "fallbacks": 0})
     assert told == []
 
 

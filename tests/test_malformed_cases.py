@@ -317,9 +317,9 @@ def move(draw, document):
 
 @pytest.fixture(scope="module", autouse=True)
 def _small_machine():
-    """A machine of 128 MiB, so that a case too large is refused and not tried."""
+    """A machine of 256 MiB, so that a case too large is refused and not tried."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(build, "memory", lambda: 1 << 27)
+        patch.setattr(build, "memory", lambda: 1 << 28)
         yield
 
 

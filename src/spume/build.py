@@ -496,6 +496,9 @@ def build(
 
     rows = initial_rows(case)
     check_gauges(case, rows)
+    caution = case.step.caution()
+    if caution:
+        log.warning("%s: %s", case.origin.name(("step",)) or "step", caution)
     threads = threads or case.threads or kernels.worthwhile_threads(len(rows["kind"]))
     kernels.initialize(device or case.device, threads, precision or case.precision)
     return _simulation(case, rows)

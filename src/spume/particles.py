@@ -278,7 +278,7 @@ class Particles:
     def part(self, active: int) -> None:
         """Let only the first ``active`` rows take part in the steps; the rows behind are solid and dry.
 
-        A row that has become dry loses its pressure and all that a step computes for it.
+        A row that has become dry, or wet again, loses its pressure and all that a step computes for it.
         """
         self.active = active
         if active == self.count and not self._parted:
@@ -301,27 +301,27 @@ class Particles:
         return self._row_of_id
 
     def largest_norm(self, name: str, rows: int = ANY) -> float:
-        """Return the largest length of a vector field over rows of the given kinds, NaN if one is not a number."""
+        """Return the largest length of a vector field over active rows of some kinds, NaN if one is not a number."""
         if self._partial is None:
             self._partial = kernels.array(kernels.runtime().real, _REDUCTION_BLOCKS)
         _largest_kernel(self.fields[name].value_shape(self.dimension)[0])(
-            self[name], self["kind"], self._partial, rows, self.count
+            self[name], self["kind"], self._partial, rows, self.active
         )
         largest = np.max(kernels.host(self._partial))
         return float(np.sqrt(largest)) if largest < np.finfo(largest.dtype).max else float("nan")
 
     def total(self, name: str, rows: int = ANY) -> float:
-        """Return the sum of a scalar field over rows of the given kinds; its order does not depend on threads."""
+        """Return the sum of a scalar field over active rows of some kinds; its order does not depend on threads."""
         if self._partial is None:
             self._partial = kernels.array(kernels.runtime().real, _REDUCTION_BLOCKS)
-        _total_kernel(self.fields[name].dtype is int)(self[name], self["kind"], self._partial, rows, self.count)
+        _total_kernel(self.fields[name].dtype is int)(self[name], self["kind"], self._partial, rows, self.active)
         return float(np.sum(kernels.host(self._partial)))
 
     def smallest(self, name: str, rows: int = ANY) -> float:
-        """Return the smallest value of a scalar field over rows of the given kinds, 0 if there are none."""
+        """Return the smallest value of a scalar field over active rows of the given kinds, 0 if there are none."""
         if self._partial is None:
             self._partial = kernels.array(kernels.runtime().real, _REDUCTION_BLOCKS)
-        _smallest_kernel()(self[name], self["kind"], self._partial, rows, self.count)
+        _smallest_kernel()(self[name], self["kind"], self._partial, rows, self.active)
         smallest = float(np.min(kernels.host(self._partial)))
         return smallest if smallest < np.finfo(kernels.runtime().dtype).max else 0.0
 
@@ -341,7 +341,7 @@ class Particles:
 
 @kernels.cached
 def _part_kernel(signature: tuple[tuple[str, tuple[int, ...], bool], ...], initial: tuple[float, ...]) -> Any:
-    """Generate the loop that resets rows which have become dry."""
+    """Generate the loops that reset rows which have become wet or dry."""
     scope: dict[str, Any] = {"Rows": kernels.array_type(kernels.i32)}
     parameters, resets = ["dry: Rows"], []
     for (name, shape, integer), value in zip(signature, initial, strict=True):
@@ -354,7 +354,9 @@ def _part_kernel(signature: tuple[tuple[str, tuple[int, ...], bool], ...], initi
         f"def part({', '.join(parameters)}, active: qd.i32, count: qd.i32):",
         "    qd.loop_config(serialize=True)",
         "    for i in range(active):",
-        "        dry[i] = 0",
+        "        if dry[i] != 0:",
+        "            dry[i] = 0",
+        *[f"            {line}" for line in resets],
         "    qd.loop_config(serialize=True)",
         "    for i in range(active, count):",
         "        if dry[i] == 0:",

@@ -404,7 +404,7 @@ def _cell_kernel(d: int, periodic: tuple[bool, ...], serial: bool) -> Any:
     # A last block that is not full leaves its neighbour too near: it is joined to the one before.
     blocks = [f"    blocks{k} = qd.max(shape{k} // {w}, 1)" for k in axes]
     of_row = [f"        b{k} = qd.min(c{k} // {w}, blocks{k} - 1)" for k in axes]
-    walk, indent = [], "            "
+    walk, indent = [], "        "
     for k in reversed(axes):
         walk.append(f"{indent}for o{k} in range(-1, 2):")
         indent += "    "
@@ -428,15 +428,19 @@ def _cell_kernel(d: int, periodic: tuple[bool, ...], serial: bool) -> Any:
         f"        if kind[i] & {FLUID} != 0:",
         f"            fluid[{block}] = 1",
         "    qd.loop_config(serialize=serial)",
+        f"    for q in range({' * '.join(f'blocks{k}' for k in axes)}):",
+        *[f"        b{k} = q // ({' * '.join(['1', *[f'blocks{m}' for m in range(k)]])}) % blocks{k}" for k in axes],
+        "        wet = 0",
+        *walk,
+        f"{indent}wet |= fluid[{beside}]",
+        "        fluid[cells + q] = wet",
+        "    qd.loop_config(serialize=serial)",
         "    for i in range(count):",
         f"        if kind[i] & {FLUID} == 0:",
         "            c = cell[i]",
         *[f"            c{k} = c // ({' * '.join(['1', *[f'shape{m}' for m in range(k)]])}) % shape{k}" for k in axes],
         *["    " + line for line in of_row],
-        "            wet = 0",
-        *walk,
-        f"{indent}wet |= fluid[{beside}]",
-        "            if wet == 0:",
+        f"            if fluid[cells + {block}] == 0:",
         "                cell[i] += cells",
         "        counts[cell[i]] += 1",
     ]

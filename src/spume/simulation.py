@@ -81,7 +81,10 @@ class Simulation:
         particles = domain.particles
         speed = particles.largest_norm("velocity", ANY)
         if clock.step == 0:
-            self.step.begin(domain)
+            try:
+                self.step.begin(domain)
+            except TooManyNeighbours as error:
+                raise self._diverged(crowded(error, domain, clock)) from error
             self._acceleration = float(np.linalg.norm(domain.gravity.at(0.0)))
             if domain.gravity.stiffness:
                 reach = np.abs(particles.numpy("position") - domain.gravity.focus).max()
@@ -106,8 +109,7 @@ class Simulation:
             raise self._diverged(not_solved(error, domain, clock), dt) from error
         except TooManyNeighbours as error:
             raise self._diverged(crowded(error, domain, clock), dt) from error
-        # Of rows of every kind: sorting within the step leaves this field behind, while the kinds move.
-        self._acceleration = particles.largest_norm("acceleration", ANY)
+        self._acceleration = figures.pop("acceleration")
         clock.advance(dt)
         self.statistics = {"dt": dt, **figures}
         if "collisions" in particles.fields:

@@ -134,7 +134,8 @@ def test_millimetres_are_named(folder):
 
 
 def test_thin_parts_are_named(folder, caplog):
-    build.initial_rows(drawn_case(folder, "thin.stl"))
+    with pytest.raises(spume.CaseError, match=r"0\.012 m thick at"):  # the waters beside it would see each other
+        build.initial_rows(drawn_case(folder, "thin.stl"))
     assert "parts thinner than 2 spacings" in caplog.text
     assert "choose spacing = 0.006" in caplog.text
     with pytest.raises(spume.CaseError, match="holds no particle: choose spacing"):

@@ -145,7 +145,7 @@ def test_exact_up_to_its_order_on_a_disturbed_arrangement(laplacian, d):
         if degree <= laplacian.order:
             assert found == pytest.approx(expected[core], rel=1e-8, abs=1e-8)
         else:
-            assert np.abs(found - expected[core]).max() > 1e-2
+            assert np.abs(found - expected[core]).max() > 1e-3
 
 
 @pytest.mark.parametrize("key", ["second-order", "least-squares"])
@@ -162,7 +162,7 @@ def test_error_of_second_order_models_falls_with_the_spacing(key, d):
         for name, found in errors.items():
             of = of_velocity(LAPLACIANS[name], lattice, particles, pairs, phi)
             found.append(np.sqrt(np.mean((of + 5 * phi)[core] ** 2)))
-    assert errors[key][1] < 0.6 * errors[key][0]
+    assert errors[key][1] < 0.7 * errors[key][0]
     assert errors["original"][1] > 1.5 * errors["original"][0]
     assert errors[key][0] < 0.2 * errors["original"][0]
 

@@ -38,6 +38,17 @@ def blocks(rows: int = PARALLEL_ROWS + 1) -> int:
     return 16 * runtime.threads if runtime.device == "cpu" else 1024
 
 
+def alone(rows: int) -> bool:
+    """Return whether one thread, in a single launch, solves a table of so many rows faster than all of them.
+
+    A cycle is a dozen short loops, each of which wakes the pool of threads (0.1 to 0.5 ms).
+    """
+    runtime = kernels.runtime()
+    if runtime.device != "cpu":
+        return blocks(rows) == 1
+    return runtime.serial or rows * (runtime.threads - 1) < 35_000 * runtime.threads
+
+
 def stretches() -> int:
     """Return how many stretches of rows are combined side by side; each has a marker for every column."""
     runtime = kernels.runtime()

@@ -102,7 +102,7 @@ class _Workspace:
         vectors = [particles[n] for n in (system.solution, system.rhs, "multigrid_direction", "multigrid_product")]
         vectors += [self._partial, self._scalars]
         self._state, self._symmetric = particles[system.state], system.symmetric
-        alone = aggregation.blocks(particles.active) == 1
+        alone = aggregation.alone(particles.active)
         build = self._build_in_one_thread if alone else self._build_with_threads
         while True:
             depth, lacking = build(level, particles)

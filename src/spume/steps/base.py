@@ -152,7 +152,11 @@ class Step(Scheme, family="step"):
     fields: ClassVar[tuple[Field, ...]] = (*SYSTEM_FIELDS, CLIPPED, *Corrected.needs)
 
     def __call__(self, domain: Domain, t: float, dt: float) -> dict[str, float]:
-        """Advance the domain from t to t + dt; return figures of the step (iterations, residual, limiters)."""
+        """Advance the domain from t to t + dt; return figures of the step.
+
+        They are the largest ``acceleration`` [m/s^2] without the pressure's, which limits the next time step, and what
+        logs count: iterations, residual, uses of limiters.
+        """
         raise NotImplementedError
 
     def begin(self, domain: Domain) -> None:
@@ -164,6 +168,10 @@ class Step(Scheme, family="step"):
     def max_dt(self, domain: Domain, speed: float) -> float:
         """Return the largest time step [s] that the step itself allows, for the largest ``speed`` [m/s]."""
         return inf
+
+    def caution(self) -> str:
+        """Return which two models do not fit each other, though they can be computed together, or nothing."""
+        return ""
 
     def needed_fields(self) -> tuple[Field, ...]:
         """Return every field that the step and the schemes in its slots need."""
@@ -217,6 +225,11 @@ class Projection(Step):
                 "does not give: choose multigrid or bicgstab"
             )
         return self
+
+    def caution(self) -> str:
+        """Return which two models do not fit each other, though they can be computed together, or nothing."""
+        found = self.laplacian.caution(self.source.of_slope, self.number_density.re)
+        return f"source {self.source.key!r} {found}" if found else ""
 
 
 def nested(scheme: Scheme) -> Iterator[Scheme]:

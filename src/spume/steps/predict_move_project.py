@@ -73,6 +73,7 @@ class PredictMoveProject(Projection, name="predict-move-project"):
             for body in bodies:
                 body.force(particles, pairs, dt)
             row_map(accelerated, particles, out="velocity", rows=self.wall_model.predicted, arguments=(dt,))
+            acceleration = particles.largest_norm("acceleration")
             row_map(moved, particles, out="position", rows=FLUID, arguments=(dt,))
             for body in bodies:
                 body.move(particles, t + dt)
@@ -101,4 +102,4 @@ class PredictMoveProject(Projection, name="predict-move-project"):
             self.shifting(lattice, particles, pairs, self.number_density, dt)
         for body in bodies:
             body.respond(particles, t, dt)
-        return {**figures, "removed": removed}
+        return {**figures, "removed": removed, "acceleration": acceleration}

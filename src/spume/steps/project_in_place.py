@@ -72,6 +72,7 @@ class ProjectInPlace(Projection, name="project-in-place"):
             for body in bodies:
                 body.force(particles, pairs, dt)
             row_map(accelerated, particles, out="velocity", rows=self.wall_model.predicted, arguments=(dt,))
+            acceleration = particles.largest_norm("acceleration")
 
         outside = surface_pressure(self, domain, t)
         with domain.stages("source"):
@@ -93,4 +94,4 @@ class ProjectInPlace(Projection, name="project-in-place"):
             self.shifting(lattice, particles, pairs, self.number_density, dt)
         for body in bodies:
             body.respond(particles, t, dt)
-        return {**figures, "removed": removed}
+        return {**figures, "removed": removed, "acceleration": acceleration}

@@ -128,6 +128,7 @@ class WeaklyCompressible(Step, name="weakly-compressible"):
             for body in bodies:
                 body.force(particles, pairs, dt)
             row_map(accelerated, particles, out="velocity", rows=self.wall_model.predicted, arguments=(dt,))
+            acceleration = particles.largest_norm("acceleration")
 
         with domain.stages("pressure"):
             row_map(tait, particles, out="pressure", rows=rows, arguments=(self.exponent,))
@@ -155,4 +156,4 @@ class WeaklyCompressible(Step, name="weakly-compressible"):
         for body in bodies:
             body.respond(particles, t, dt)
         mach = particles.largest_norm("velocity", FLUID) / particles.smallest("speed_of_sound", FLUID)
-        return {"removed": removed, "mach": mach}
+        return {"removed": removed, "mach": mach, "acceleration": acceleration}

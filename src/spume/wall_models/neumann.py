@@ -86,7 +86,7 @@ class Neumann(WallModel, name="neumann"):
         row_map(mean_pressure, particles, out="pressure", rows=WALL)
         _extrapolation_kernel(particles.dimension)(
             particles["kind"], particles["master"], particles["position"], particles["wall_gradient"],
-            particles["pressure"], particles.rows_by_id(), particles.active,
+            particles["fluid_weight"], particles["pressure"], particles.rows_by_id(), particles.active,
         )  # fmt: skip
 
 
@@ -98,13 +98,15 @@ def _extrapolation_kernel(d: int):  # type: ignore[no-untyped-def]
 
     @kernels.kernel
     def extrapolate(
-        kind: Rows, master: Rows, position: Vectors, gradient: Vectors, pressure: Reals, row_of_id: Rows,
-        count: kernels.i32,
+        kind: Rows, master: Rows, position: Vectors, gradient: Vectors, weight: Reals, pressure: Reals,
+        row_of_id: Rows, count: kernels.i32,
     ):  # fmt: skip
         qd.loop_config(serialize=serial)
         for i in range(count):
             if kind[i] == DUMMY:
                 j = row_of_id[master[i]]
-                pressure[i] = pressure[j] + gradient[i].dot(position[i] - position[j])
+                behind = pressure[j] + gradient[i].dot(position[i] - position[j])
+                # Behind a wall row that no fluid touches there is no pressure.
+                pressure[i] = qd.select(weight[j] > 1e-9, behind, 0.0)
 
     return extrapolate

@@ -62,6 +62,16 @@ class HigherOrder(Laplacian, name="higher-order"):
             )
         return self
 
+    def caution(self, of_slope: bool, re: float) -> str:
+        """Return what does not fit about a source of the pressure equation and this model, or nothing."""
+        if of_slope and self.form == "calibrated":
+            return 'carries the factor of the form "consistent" of the laplacian higher-order: choose that form'
+        if of_slope and re != self.re:
+            return f"is summed with re = {re:g}, the laplacian higher-order with re = {self.re:g}: choose the same"
+        if not of_slope and self.form != "calibrated":
+            return f'has the right size by itself, the form "{self.form}" of the laplacian has not: choose "calibrated"'
+        return ""
+
     def terms(self) -> Terms:
         """Return c = re/r^3."""
         return TERMS

@@ -44,6 +44,9 @@ class Source(Scheme, family="source"):
     of_volume: ClassVar[bool] = False
     """Whether it states the volume itself, so that compression follows P; else its rate: compression follows dP/dt."""
 
+    of_slope: ClassVar[bool] = False
+    """Whether it sums the derivative of the weight, whose size only the higher-order Laplacian shares."""
+
     compressibility: float = Parameter(default=0.0, ge=0.0)
     """Relative compressibility alpha_c = 1/(rho c^2), 4.5e-10 for water; 0 is incompressible [1/Pa].
 

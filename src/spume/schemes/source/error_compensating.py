@@ -49,6 +49,7 @@ class ErrorCompensating(Source, name="error-compensating"):
     instant: ClassVar = "*"
     history: ClassVar = ("k",)
     from_velocity: ClassVar = True
+    of_slope: ClassVar = True
     needs: ClassVar = (*Source.needs, NUMBER_DENSITY_START, NUMBER_DENSITY_RATE, SURFACE_SHARE)
 
     def remember(self, lattice: Lattice, particles: Particles, pairs: Pairs, number_density: Any, mirror: bool) -> None:

@@ -33,6 +33,7 @@ class HigherOrder(Source, name="higher-order"):
     reference: ClassVar = "khayyer2009"
     instant: ClassVar = "*"
     from_velocity: ClassVar = True
+    of_slope: ClassVar = True
 
     def __call__(
         self, lattice: Lattice, particles: Particles, pairs: Pairs, dt: float,
