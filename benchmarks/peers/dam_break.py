@@ -26,6 +26,8 @@ sys.path.insert(0, str(HERE))
 from judge import judge
 
 INTERVAL, TANK = 0.05, (1.61, 0.15, 0.6)
+PEER_SHARE = 0.8
+"""A particle of SPlisHSPlasH stands for this part of its cube: its water packs closer than the lattice it starts on."""
 
 
 def spume(spacing: float, end: float, threads: int, settings: list[str]) -> dict[str, Any]:
@@ -69,7 +71,7 @@ def peer(python: str, spacing: float, end: float, threads: int) -> dict[str, Any
 
 
 def figures(name: str, found: dict[str, Any], spacing: float, end: float) -> dict[str, Any]:
-    """Return what one code reached."""
+    """Return what one code reached; ``spacing`` is the cube root of the volume that one of its particles stands for."""
     fluid = len(found["frames"][0])
     verdict = judge(found["frames"], spacing, TANK)
     return {
@@ -98,7 +100,7 @@ def main() -> None:
     theirs = peer(args.peer_python, args.spacing, args.end, args.threads)
     ours = spume(args.spacing, args.end, args.threads, args.settings)
     rows = [
-        figures("SPlisHSPlasH-DFSPH", theirs, args.spacing, args.end),
+        figures("SPlisHSPlasH-DFSPH", theirs, PEER_SHARE ** (1 / 3) * args.spacing, args.end),
         figures("Spume", ours, args.spacing, args.end),
     ]
     for row in rows:
