@@ -71,6 +71,21 @@ def test_a_wall_has_no_gaps(d, along):
         assert u[0] == pytest.approx(after, abs=1e-12)
 
 
+@pytest.mark.parametrize("behind", [0.05, 0.08, 0.15])
+def test_what_falls_on_the_rim_of_a_wall_is_stopped(behind):
+    """Rows of a wall whose face looks to the left; spray that went over its top falls on it."""
+    height, depth = np.meshgrid(-0.1 * np.arange(4), 0.1 * np.arange(3), indexing="ij")
+    wall = np.stack([0.05 + depth, height], axis=-1).reshape(-1, 2)
+    facing = np.zeros((len(wall) + 1, 2))
+    facing[1:, 0] = -wall[:, 0]
+    velocity = np.zeros((len(wall) + 1, 2))
+    velocity[0] = [0.0, -2.0]
+    position = np.concatenate([[[behind, 0.035]], wall])
+    u, _, count = collide(position, velocity, kind=np.array([FLUID, *[WALL] * len(wall)]), to_surface=facing)
+    assert u[0, 1] > -1.5
+    assert count[0] > 0
+
+
 def test_different_densities():
     position = np.array([[0.0, 0.0], [0.04, 0.0]])
     velocity = np.array([[1.0, 0.0], [0.0, 0.0]])

@@ -13,31 +13,41 @@ from spume.schemes.weight.inverse import Inverse
 
 
 @kernels.func
-def touches(a, b, r, distance, l0):  # type: ignore[no-untyped-def]
-    """Return whether a pair collides: two fluid rows by their distance, a fluid row and a wall at the wall's face."""
+def meets(b, r, distance, l0):  # type: ignore[no-untyped-def]
+    """Return whether a row meets another as a body does: two fluid rows, or a wall's row from beside its face.
+
+    A row that falls on the rim of a wall comes from beside; no face would stop it.
+    """
     normal = b.to_surface.normalized(1e-30)
-    # How far a is behind the face on which b lies; b stands for its own cell of that face alone.
+    along = r.dot(normal) ** 2
+    beside = b.kind == FLUID or along < r.norm_sqr() - along
+    return beside and r.norm_sqr() < (distance * l0) ** 2
+
+
+@kernels.func
+def at_face(b, r, distance, l0):  # type: ignore[no-untyped-def]
+    """Return whether a row is behind the face of a wall, also between the rows that make the wall."""
+    normal = b.to_surface.normalized(1e-30)
+    # How far the row is behind the face on which b lies; b stands for its own cell of that face alone.
     behind = r.dot(normal) + b.to_surface.norm() - (0.5 - distance) * l0
     aside = r.norm_sqr() - r.dot(normal) ** 2
-    at_face = behind > 0.0 and aside < (r.n - 1) * (0.54 * l0) ** 2
-    near = r.norm_sqr() < (distance * l0) ** 2
-    return (b.kind == FLUID and near) or (b.kind != FLUID and at_face)
+    return b.kind != FLUID and behind > 0.0 and aside < (r.n - 1) * (0.54 * l0) ** 2 and not meets(b, r, distance, l0)
 
 
 @pair_term(reads=("velocity", "density", "kind", "to_surface"), shape=("d",))
 def impulse(a, b, r, w, share, distance, l0):  # type: ignore[no-untyped-def]
     result = 0.0 * r
-    if b.kind == FLUID and touches(a, b, r, distance, l0):
-        rate = (b.velocity - a.velocity).dot(r)
-        result = share * b.density / (a.density + b.density) * min(rate, 0.0) / r.dot(r) * r
+    if meets(b, r, distance, l0):
+        # A wall is infinitely heavy: the fluid row takes the whole change of velocity.
+        part = kernels.qd.select(b.kind == FLUID, b.density / (a.density + b.density), 1.0)
+        result = share * part * min((b.velocity - a.velocity).dot(r), 0.0) / r.dot(r) * r
     return result
 
 
 @pair_term(reads=("velocity", "kind", "to_surface"), shape=("d",))
 def impulse_of_wall(a, b, r, w, share, distance, l0):  # type: ignore[no-untyped-def]
     result = 0.0 * r
-    if b.kind != FLUID and touches(a, b, r, distance, l0):
-        # A wall is infinitely heavy: the fluid row takes the whole change of velocity.
+    if at_face(b, r, distance, l0):
         normal = b.to_surface.normalized(1e-30)
         result = share * max((b.velocity - a.velocity).dot(normal), 0.0) * normal
     return result
@@ -45,14 +55,15 @@ def impulse_of_wall(a, b, r, w, share, distance, l0):  # type: ignore[no-untyped
 
 @pair_term(reads=("kind", "to_surface"))
 def faces(a, b, r, w, share, distance, l0):  # type: ignore[no-untyped-def]
-    return kernels.qd.cast(b.kind != FLUID and touches(a, b, r, distance, l0), kernels.i32)
+    return kernels.qd.cast(at_face(b, r, distance, l0), kernels.i32)
 
 
 @pair_term(reads=("velocity", "kind", "to_surface"))
 def counted(a, b, r, w, share, distance, l0):  # type: ignore[no-untyped-def]
     normal = b.to_surface.normalized(1e-30)
-    rate = kernels.qd.select(b.kind == FLUID, (b.velocity - a.velocity).dot(r), (a.velocity - b.velocity).dot(normal))
-    return kernels.qd.cast(rate < 0.0 and touches(a, b, r, distance, l0), kernels.i32)
+    rate = b.velocity - a.velocity
+    hit = meets(b, r, distance, l0) and rate.dot(r) < 0.0
+    return kernels.qd.cast(hit or (at_face(b, r, distance, l0) and rate.dot(normal) > 0.0), kernels.i32)
 
 
 @row_term(reads=("collision_impulse", "wall_impulse", "faces"))
@@ -75,7 +86,7 @@ class Inelastic(Collision, name="inelastic"):
 
     The approach speed v_n of the pair becomes -restitution v_n; both velocity and the move of this
     step are corrected (the customary treatment in MPS codes). Symmetric for pairs of fluid rows, so
-    it conserves momentum.
+    it conserves momentum. A wall is met at its face, as a plane, and at its rim as a row of particles.
     """
 
     reference: ClassVar = "lee2011"
