@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from spume import kernels
 from spume.clock import Clock
 from spume.diagnosis import Diverged, Finding, Watch, crowded, not_a_number, not_solved
 from spume.domain import Domain
@@ -210,8 +209,3 @@ class Simulation:
         error = self.watch.diverged(finding, self.clock.step + 1, self.clock.time)
         self._broken, self._snapshot = half_way, None
         return error
-
-
-def device_name() -> str:
-    """Return the device that kernels run on."""
-    return kernels.runtime().device

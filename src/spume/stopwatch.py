@@ -28,8 +28,3 @@ class Stopwatch:
         finally:
             self.times[name] = self.times.get(name, 0.0) + time.perf_counter() - begin
             self.amounts[name] = self.amounts.get(name, 0.0) + self.meter() - before
-
-    def move(self, seconds: float, source: str, target: str) -> None:
-        """Count a part of a stage's wall time [s] as that of another stage."""
-        self.times[source] = self.times.get(source, 0.0) - seconds
-        self.times[target] = self.times.get(target, 0.0) + seconds
