@@ -29,7 +29,7 @@ class OutputSettings(Parameters):
     fields: tuple[str, ...] = DEFAULT_FIELDS
     """Fields in a frame, besides ``position`` and ``id``."""
     log_interval: Annotated[int, Field(ge=1)] = 1
-    """Steps between two lines of ``log.csv``."""
+    """Steps between two lines of ``log.csv`` [1]."""
     pictures: bool = True
     """Draw ``snapshot.png`` and a picture of every gauge at the end."""
     checkpoint_interval: Annotated[float, Field(ge=0.0)] | Literal["none"] = 600.0
@@ -41,7 +41,7 @@ class OutputSettings(Parameters):
     colour: str = "speed"
     """Field that colours the pictures: ``speed`` or a scalar field of the frames."""
     colour_range: tuple[float, float] | None = None
-    """Values at the ends of the colour scale; default: from the frames."""
+    """Values at the ends of the colour scale [unit of the field]; default: from the frames."""
     map: MapName | None = None
     """Colour map; default: one that suits the field."""
     view_deg: tuple[float, float] = (-60.0, 18.0)
