@@ -38,6 +38,7 @@ _HOME = {
         "Union",
     ),
     "spume.bodies.wall": ("Wall",),
+    "spume.citation": ("cite",),
     "spume.run": ("resume",),
 }
 _MODULE = {name: module for module, names in _HOME.items() for name in names}

@@ -149,7 +149,7 @@ class Scheme(Parameters):
     ids: ClassVar[tuple[str, ...]] = ()
     """Rows of the review's table of systems (``A1`` … ``L11``) that this scheme implements."""
     reference: ClassVar[str] = ""
-    """Key of the publication in ``docs/references.bib``."""
+    """Key of the publication in ``src/spume/references.bib``."""
     order: ClassVar[int | None] = None
     """Degree of the polynomials reproduced on any arrangement of particles; None where it has no meaning."""
     conserves: ClassVar[frozenset[str]] = frozenset()
@@ -335,7 +335,7 @@ File = Annotated[
     Path,
     PlainValidator(_read_path),
     PlainSerializer(_write_path, return_type=str),
-    WithJsonSchema({"type": "string", "format": "path", "description": "path of a file, from the folder of the case file"}),
+    WithJsonSchema({"type": "string", "format": "path"}),
 ]
 """Type of a parameter that names an existing file, relative to the folder of the case file or, where
 there is none, to the folder of the built-in cases. It holds the absolute path."""

@@ -122,7 +122,7 @@ def _claims_of_class(node: ast.ClassDef, model: type[Scheme]) -> list[tuple[int,
         if isinstance(target, ast.Name) and target.id == "ids":
             edits.append((*span, ""))
         if isinstance(target, ast.Name) and target.id == "reference":
-            text = f'    reference: ClassVar = "{model.reference}"  # its own key in docs/references.bib\n'
+            text = f'    reference: ClassVar = "{model.reference}"  # its own key in src/spume/references.bib\n'
             edits.append((*span, text))
     return edits
 

@@ -60,7 +60,7 @@ class Reference(Parameters):
     """Largest time shift allowed [unit of the reference]. One common shift, the one with the smallest
     errors, is applied to all references that allow one (a gate is not instantaneous), and reported."""
     peak_band: tuple[float, float] | None = None
-    """Band of the peak over repeated experiments [unit of the reference]; default: the peaks of ``lower`` and ``upper``."""
+    """Band of the peak over repeated experiments [unit of the reference]; default: that of ``lower`` and ``upper``."""
     source: str = ""
     """Publication, as cited in pictures."""
 
