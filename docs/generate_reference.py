@@ -15,7 +15,7 @@ from typing import Any, get_args, get_type_hints
 DOCS = Path(__file__).resolve().parent
 sys.path.insert(0, str(DOCS))
 
-from keys import PAGES, cell, prose, rows  # noqa: E402
+from keys import PAGES, cell, prose, publications, rows  # noqa: E402
 
 import spume.case  # noqa: E402
 from spume.cli import app  # noqa: E402
@@ -208,7 +208,19 @@ MADE = ("spume.simulation.Simulation", "spume.outputs.snapshot.Snapshot", "spume
 """What the names above return."""
 
 
-PAGES_HERE = {"case-file.md": case_file, "command-line.md": command_line, "python.md": python}
+# ----------------------------------------------------------------------------------------------- sources
+
+
+def sources() -> str:
+    """Return the page of all publications, in the order of their authors."""
+    entries = sorted(publications().items(), key=lambda entry: entry[1].casefold())
+    text = "What the models, cases and pages of this documentation cite. `spume cite RUN` prints the BibTeX of a run."
+    return "\n\n".join([HEADER, "# Sources", text, "\n".join(f"- {line}" for _, line in entries)]) + "\n"
+
+
+PAGES_HERE = {
+    "case-file.md": case_file, "command-line.md": command_line, "python.md": python, "sources.md": sources,
+}  # fmt: skip
 
 
 def stale() -> list[str]:

@@ -17,12 +17,11 @@ import numpy as np
 DOCS = Path(__file__).resolve().parent
 sys.path[:0] = [str(DOCS), str(DOCS.parent / "tests")]
 
-from keys import prose, rows  # noqa: E402
+from keys import prose, publications, rows  # noqa: E402
 
 import measured  # noqa: E402
 from spume import kernels  # noqa: E402
 from spume.case import schema  # noqa: E402
-from spume.citation import bibliography  # noqa: E402
 from spume.named import Scheme  # noqa: E402
 
 UP = "../"
@@ -35,24 +34,6 @@ TITLES = {
 }  # fmt: skip
 MEASURED = ("gradient", "divergence", "laplacian")
 WAVE = f"wave of {2 * 3.14159265 / measured.WAVE_NUMBER:.0f} l0"
-
-
-def publications() -> dict[str, str]:
-    """Return each entry of references.bib as one line of text, by its key."""
-    found = {}
-    for key, body in bibliography().items():
-        fields = dict(re.findall(r"(\w+)\s*=\s*\{(.*?)\}\s*,?\s*$", body, re.MULTILINE | re.DOTALL))
-        place = fields.get("journal") or fields.get("booktitle") or fields.get("publisher") or fields.get("school", "")
-        where = " ".join(filter(None, [place, fields.get("volume", "")]))
-        pages = fields.get("pages", "").replace("--", "–")
-        line = (
-            f"{fields.get('author', '').replace(' and ', '; ')} ({fields.get('year', '')}). {fields.get('title', '')}."
-        )
-        line += f" {where}{', ' + pages if pages else ''}."
-        if "doi" in fields:
-            line += f" [doi:{fields['doi']}](https://doi.org/{fields['doi']})"
-        found[key] = re.sub(r"\s+", " ", re.sub(r"[{}]", "", line))
-    return found
 
 
 def page(family: str) -> str:

@@ -2,8 +2,11 @@
 
 import inspect
 import re
+import unicodedata
 from collections.abc import Mapping
 from typing import Any
+
+from spume.citation import bibliography
 
 PAGES = {
     family: f"schemes/{family}.md"
@@ -160,3 +163,29 @@ def _escaped(text: str) -> str:
             plain = part.replace("&", "&amp;").replace("<", "&lt;").replace("_", "\\_")
             parts[index] = re.sub(r"(?m)(?<!^)\*|^\*(?! )", r"\\*", plain)
     return "".join(parts)
+
+
+# ------------------------------------------------------------------------------------------------ sources
+
+
+def publications() -> dict[str, str]:
+    """Return each entry of references.bib as one line of text, by its key."""
+    found = {}
+    for key, body in bibliography().items():
+        fields = dict(re.findall(r"(\w+)\s*=\s*\{(.*?)\}\s*,?\s*$", body, re.MULTILINE | re.DOTALL))
+        place = fields.get("journal") or fields.get("booktitle") or fields.get("publisher") or fields.get("school", "")
+        where = " ".join(filter(None, [place, fields.get("volume", "")]))
+        pages = fields.get("pages", "").replace("--", "–")
+        line = (
+            f"{fields.get('author', '').replace(' and ', '; ')} ({fields.get('year', '')}). {fields.get('title', '')}."
+        )
+        line += f" {where}{', ' + pages if pages else ''}."
+        if "doi" in fields:
+            line += f" [doi:{fields['doi']}](https://doi.org/{fields['doi']})"
+        line = re.sub(r"\\([\"'`^~])\{?(\w)\}?", lambda accent: accent[2] + _ACCENTS[accent[1]], line)
+        line = line.replace("\\&", "&").replace("--", "–")
+        found[key] = unicodedata.normalize("NFC", re.sub(r"\s+", " ", re.sub(r"[{}]", "", line)))
+    return found
+
+
+_ACCENTS = {'"': "\u0308", "'": "\u0301", "`": "\u0300", "^": "\u0302", "~": "\u0303"}
