@@ -165,7 +165,7 @@ def check_case(block: Block, whole: dict | None, folder: Path) -> dict | None:
 
 def commands(block: Block) -> Iterator[str]:
     """Yield the commands of a ``sh`` block: lines, joined where they end in a backslash, without comments."""
-    for line in re.sub(r"\\\n\s*", " ", block.text).splitlines():
+    for line in re.sub(r"[ ]*\\\n\s*", " ", block.text).splitlines():
         text = re.sub(r"(^|\s)#.*$", "", line).strip()
         if text:
             yield text
