@@ -229,7 +229,8 @@ class Case(Parameters):
 
     def _output_inconsistencies(self) -> Iterator[tuple[Location, str, Any]]:
         """Yield what names a field or a gauge that does not exist."""
-        fields = {field.name: field for field in (*BASE_FIELDS, *self.step.needed_fields())}
+        every = (*BASE_FIELDS, *self.step.needed_fields())
+        fields = {field.name: field for field in every if not field.scratch}
         for index, name in enumerate(self.output.fields):
             if name not in fields:
                 message = f"must be a field: {', '.join(sorted(fields))}{nearest_match(name, fields)}"

@@ -197,7 +197,7 @@ class Step(Scheme, family="step"):
         """Return every field that the step and the schemes in its slots need."""
         found = list(self.fields)
         for scheme in nested(self):
-            found.extend(getattr(scheme, "needs", ()))
+            found.extend(scheme.needed())
         return tuple(dict.fromkeys(found))
 
     def largest_radius(self) -> float:
