@@ -46,7 +46,9 @@ class Time(Parameters):
     step_max: Positive | None = None
     """Largest time step [s]; default: no limit but the others'."""
     courant: Annotated[float, Field(gt=0, le=1)] = 0.2
-    """Courant number: the part of a spacing that the fastest particle moves in a step [1]."""
+    """Courant number: the part of a spacing by which two neighbours move against each other in a step [1]."""
+    travel: Annotated[float, Field(gt=0, le=2)] = 0.2
+    """Largest way of a particle in a step, as a multiple of the spacing [1]."""
 
 
 class Domain(Parameters):
@@ -227,7 +229,8 @@ class Case(Parameters):
 
     def _output_inconsistencies(self) -> Iterator[tuple[Location, str, Any]]:
         """Yield what names a field or a gauge that does not exist."""
-        fields = {field.name: field for field in (*BASE_FIELDS, *self.step.needed_fields())}
+        every = (*BASE_FIELDS, *self.step.needed_fields())
+        fields = {field.name: field for field in every if not field.scratch}
         for index, name in enumerate(self.output.fields):
             if name not in fields:
                 message = f"must be a field: {', '.join(sorted(fields))}{nearest_match(name, fields)}"

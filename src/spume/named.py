@@ -155,6 +155,10 @@ class Scheme(Parameters):
     conserves: ClassVar[frozenset[str]] = frozenset()
     """Quantities conserved to round-off: ``momentum``, ``angular momentum``, ``volume``."""
 
+    def needed(self) -> tuple[Any, ...]:
+        """Return the fields of the particle table that the scheme needs with its parameters."""
+        return tuple(getattr(type(self), "needs", ()))
+
     def __init_subclass__(cls, *, name: str = "", family: str = "", selector: str = "", **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         if family:

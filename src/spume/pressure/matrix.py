@@ -109,7 +109,7 @@ PRESSURE = Equation(
 
 
 class LinearSystem:
-    """A sparse matrix over the rows of the table, in the slots of the neighbour list.
+    """A sparse matrix over the rows of the table; only rows with an equation have slots, as many as neighbours.
 
     Args:
         solution, state, diagonal, rhs, length, grounded: names of the fields that hold the system's values.
@@ -117,7 +117,7 @@ class LinearSystem:
     Attributes:
         column: row numbers of the entries.
         value: entries beside the diagonal.
-        start: first slot of each row, shared with the neighbour list.
+        start: first slot of each row (int64).
         symmetric: whether the matrix assembled last is symmetric.
     """
 
@@ -132,6 +132,7 @@ class LinearSystem:
         self.start: Any = None
         self.symmetric = True
         self._slots = 0
+        self._sums = kernels.array(kernels.i64, 1)
 
     def assemble(
         self, laplacian: Laplacian, lattice: Lattice, particles: Particles, pairs: Pairs, *, over: int = ANY,
@@ -143,12 +144,7 @@ class LinearSystem:
             over: kinds of the rows that take part (those that are not ABSENT).
             arguments: numbers for the equation's ``diagonal`` and ``right``.
         """
-        slots = pairs.list.neighbour.shape[0]
-        if slots != self._slots:
-            self._slots = slots
-            self.column = kernels.array(kernels.i32, slots)
-            self.value = kernels.array(kernels.runtime().real, slots)
-        self.start = pairs.list.start
+        self._place(particles, pairs)
         self.symmetric = laplacian.symmetric
         laplacian.prepare(lattice, particles, pairs, over)
         terms = laplacian.terms()
@@ -165,15 +161,71 @@ class LinearSystem:
         kernel(
             particles["position"], particles[self.state], particles[self.diagonal], particles[self.rhs],
             particles[self.length], particles[self.grounded],
-            pairs.list.start, pairs.list.length, pairs.list.neighbour, self.column, self.value,
+            self.start, pairs.list.start, pairs.list.length, pairs.list.neighbour, self.column, self.value,
             *[particles[n] for n in (*near, *own)],
             particles.active, laplacian.radius(lattice), laplacian.scale(lattice), *arguments,
             *pairs.list.period,
         )  # fmt: skip
 
+    def _place(self, particles: Particles, pairs: Pairs) -> None:
+        """Give every row with an equation as many slots as it has neighbours, and no other row any."""
+        blocks = -(-particles.capacity // _ROWS_PER_BLOCK)
+        if self.start is None or self.start.shape[0] != particles.capacity:
+            self.start = kernels.array(kernels.i64, particles.capacity)
+            self._sums = kernels.array(kernels.i64, blocks + 1)
+        _placing_kernel(kernels.light(particles.active))(
+            particles[self.state], pairs.list.length, self.start, self._sums, particles.active
+        )
+        needed = int(kernels.host(self._sums)[-(-particles.active // _ROWS_PER_BLOCK)])
+        if needed > self._slots or self.column is None:
+            # Let go of the old ones first: at ten million rows there is no room for both.
+            self.column = self.value = None
+            self._slots = int(_MORE_SLOTS * needed) + 64
+            self.column = kernels.array(kernels.i32, self._slots)
+            self.value = kernels.array(kernels.runtime().real, self._slots)
+
     def bytes(self) -> int:
-        """Return the memory of the entries [bytes]."""
-        return self._slots * (4 + kernels.runtime().dtype().itemsize)
+        """Return the memory of the entries and their places [bytes]."""
+        places = 0 if self.start is None else 8 * (self.start.shape[0] + self._sums.shape[0])
+        return places + self._slots * (4 + kernels.runtime().dtype().itemsize)
+
+
+_ROWS_PER_BLOCK = 64
+
+_MORE_SLOTS = 1.1
+"""Slots that are made when there are too few, as a multiple of those that are needed."""
+
+
+@kernels.cached
+def _placing_kernel(serial: bool) -> Any:
+    """Generate the exclusive sums of the rows' neighbours, over rows with an equation."""
+    Rows, Starts = kernels.array_type(kernels.i32), kernels.array_type(kernels.i64)
+    qd, size = kernels.qd, _ROWS_PER_BLOCK
+
+    @kernels.kernel
+    def place(state: Rows, length: Rows, start: Starts, sums: Starts, count: kernels.i32):
+        qd.loop_config(serialize=serial)
+        for b in range((count + size - 1) // size):
+            total = 0
+            for i in range(b * size, qd.min((b + 1) * size, count)):
+                total += qd.select(state[i] == UNKNOWN, length[i], 0)
+            sums[b] = qd.cast(total, qd.i64)
+        qd.loop_config(serialize=True)
+        for _ in range(1):
+            before = qd.cast(0, qd.i64)
+            for b in range((count + size - 1) // size):
+                own = sums[b]
+                sums[b] = before
+                before += own
+            sums[(count + size - 1) // size] = before
+        qd.loop_config(serialize=serial)
+        for b in range((count + size - 1) // size):
+            slot = sums[b]
+            for i in range(b * size, qd.min((b + 1) * size, count)):
+                start[i] = slot
+                slot += qd.cast(qd.select(state[i] == UNKNOWN, length[i], 0), qd.i64)
+
+    return place
 
 
 @kernels.cached
@@ -196,7 +248,8 @@ def _assembly_kernel(
     }  # fmt: skip
     parameters = [
         "position: Vectors", "state: Rows", "out_diagonal: Reals", "out_rhs: Reals", "out_length: Rows",
-        "out_grounded: Rows", "start: Starts", "length: Rows", "neighbour: Rows", "column: Rows", "value: Reals",
+        "out_grounded: Rows", "place: Starts", "start: Starts", "length: Rows", "neighbour: Rows",
+        "column: Rows", "value: Reals",
     ]  # fmt: skip
     for n in (*near, *own):
         scope[f"In_{n}"] = kernels.array_type(types[n])
@@ -218,6 +271,7 @@ def _assembly_kernel(
         f"        if state[i] == {UNKNOWN}:",
         f"            a = {loading_own.replace('Row(', 'Own(').format(row='i')}",
         "            first = start[i]",
+        "            slot = place[i]",
         "            x = position[i]",
         f"            total = diagonal(a{of_equation})",
         f"            summed = right(a{of_equation})",
@@ -244,8 +298,8 @@ def _assembly_kernel(
         "                    c *= pair(a, b)",
         *(["                    lean += c * r"] if leaning else []),
         f"                    if state[j] == {UNKNOWN}:",
-        "                        column[first + used] = j",
-        "                        value[first + used] = -c",
+        "                        column[slot + used] = j",
+        "                        value[slot + used] = -c",
         "                        used += 1",
         "                        total += c",
         f"                    elif state[j] == {KNOWN}:",
