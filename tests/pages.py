@@ -70,6 +70,7 @@ NOTES = {
     "python3 -m venv": ("not run", "installs packages"),
     "py -m venv": ("not run", "PowerShell"),
     "spume check column.toml": ("exit code", "2"),  # the run that is continued was not interrupted
+    "import spume": ("not run", "tests/test_readme.py runs it"),
     'title = "A column of water that collapses"': ("title", "column.toml"),
 }
 """Notes on blocks of the README, which is read where comments show, by how they begin."""
@@ -127,7 +128,8 @@ def merged(base: dict, part: dict) -> dict:
     for key, value in part.items():
         old = result.get(key)
         if isinstance(old, dict) and isinstance(value, dict):
-            result[key] = merged(old, value)
+            another = any(old.get(k, value[k]) != value[k] for k in ("kind", "name") if k in value)
+            result[key] = value if another else merged(old, value)
         elif isinstance(old, list) and isinstance(value, list) and value and isinstance(value[0], dict):
             named = {item.get("name", id(item)): item for item in old}
             named.update({item.get("name", id(item)): item for item in value})
@@ -238,9 +240,23 @@ class Reader:
         found = list(commands(block))
         expected = int(block.notes.get("exit code", "0"))
         for index, text in enumerate(found):
-            code, said = self._spume(text) if text.startswith("spume ") else self._other(text)
+            code, said = self._run(text)
             wanted = expected if index == len(found) - 1 else 0
             assert code == wanted, f"{block}: {text}\nended with {code}, not {wanted}\n{said}"
+
+    def _run(self, text: str) -> tuple[int, str]:
+        """Run a command; a loop over commands of Spume, or one whose output goes to a file, in this process too."""
+        loop = re.fullmatch(r"for (\w+) in ([^;]+); do (spume [^;|<>&]+); done", text)
+        if loop:
+            each = [self._spume(loop[3].replace(f"${loop[1]}", word)) for word in loop[2].split()]
+            return max(code for code, _ in each), "".join(said for _, said in each)
+        written = re.fullmatch(r"(spume [^;|<>&]+) > ([\w.]+)", text)
+        if written:
+            code, said = self._spume(written[1])
+            (self.folder / written[2]).write_text(said, encoding="utf-8")
+            return code, said
+        alone = text.startswith("spume ") and not re.search(r"[|<>;&]", text)
+        return self._spume(text) if alone else self._other(text)
 
     def _spume(self, text: str) -> tuple[int, str]:
         arguments = shlex.split(text)[1:]
@@ -269,7 +285,7 @@ class Reader:
         settings = self._options()[1::2]
 
         def short(case: spume.Case) -> spume.Case:
-            origin = find_case(case.origin.file)[0].parent if case.origin.file else self.folder
+            origin = find_case(case.origin.label)[0].parent if case.origin.label else self.folder
             document = case.table()
             problems = list(spume.case._apply(document, settings, {}))
             assert not problems, problems
