@@ -116,17 +116,24 @@ def quota(root: Path) -> int:
         return 0
 
 
+def wanted_cache() -> Path:
+    """Return where compiled kernels should go, whether or not that folder can be written.
+
+    That of the environment variable SPUME_CACHE, else ``spume`` in the user's cache folder (XDG_CACHE_HOME,
+    else ``~/.cache``).
+    """
+    if os.environ.get("SPUME_CACHE"):
+        return Path(os.environ["SPUME_CACHE"])
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+    return Path(home) / "spume"
+
+
 def cache_folder() -> Path:
     """Return the folder of compiled kernels, which exists and can be written.
 
-    That of the environment variable SPUME_CACHE, else ``spume`` in the user's cache folder (XDG_CACHE_HOME,
-    else ``~/.cache``). Where it cannot be written, a temporary one of this process, which goes with it.
+    That of `wanted_cache`; where it cannot be written, a temporary one of this process, which goes with it.
     """
-    if os.environ.get("SPUME_CACHE"):
-        wanted = Path(os.environ["SPUME_CACHE"])
-    else:
-        home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
-        wanted = Path(home) / "spume"
+    wanted = wanted_cache()
     try:
         wanted.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=wanted):

@@ -183,7 +183,8 @@ def test_a_picture_shows_water_wall_and_air_where_they_are(tmp_path):
 
 
 def test_mp4_falls_back_to_gif_without_ffmpeg(tmp_path, monkeypatch):
-    monkeypatch.setattr(pictures.shutil, "which", lambda name: None)
+    monkeypatch.setattr(pictures, "ffmpeg", lambda: None)
+    monkeypatch.setattr(film, "ffmpeg", lambda: None)
     path = tmp_path / "run.vtkhdf"
     writer = vtkhdf.Writer(path)
     for step in range(3):

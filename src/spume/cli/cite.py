@@ -23,7 +23,6 @@ def cite(
     Measurements that gauges are compared with are cited as well, where their publication is known.
 
     Examples:
-
       spume cite dam-break
       spume cite my-run --out references.bib
     """

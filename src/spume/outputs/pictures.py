@@ -5,9 +5,6 @@ Everything is drawn from the files of the run folder, so it can be drawn again l
 
 from __future__ import annotations
 
-import contextlib
-import shutil
-import subprocess
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spume.outputs import frames, raster, vtkhdf
+from spume.outputs.film import ffmpeg, write_gif, write_mp4
 from spume.outputs.output import Output, OutputSettings, RunLike
 from spume.outputs.plots import plot_gauges
 from spume.outputs.record import FOLDER as GAUGE_FOLDER
@@ -24,7 +22,6 @@ from spume.outputs.reference import Reference
 from spume.outputs.snapshot import FLUID, WALL, Snapshot
 
 _ANIMATION_FRAMES = 100
-_FRAMES_PER_SECOND = 15
 _WALL_COLOUR = np.array([0.55, 0.57, 0.60], dtype=np.float32)
 _DUMMY_COLOUR = np.array([0.76, 0.77, 0.79], dtype=np.float32)
 _OBSTACLE_COLOUR = np.array([0.80, 0.52, 0.36], dtype=np.float32)
@@ -421,65 +418,11 @@ def animate(
                 yield np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
 
         if path.suffix == ".mp4":
-            if _write_mp4(images(), path):
+            if write_mp4(images(), path):
                 return path
             path = path.with_suffix(".gif")
-        _write_gif(images(), path, map_of(settings))
+        write_gif(images(), path, map_of(settings))
     return path
-
-
-def _write_gif(images: Iterator[NDArray[np.uint8]], path: Path, colours: Any) -> None:
-    from PIL import Image
-
-    all_images = list(images)
-    # One palette for all, from the first, the middle and the last picture: no flicker.
-    # The colour scale is given weight, or much white would leave it few colours.
-    some = [all_images[i] for i in sorted({0, len(all_images) // 2, len(all_images) - 1})]
-    width = some[0].shape[1]
-    scale = (colours(np.linspace(0.0, 1.0, width))[:, :3] * 255.0 + 0.5).astype(np.uint8)
-    some.append(np.broadcast_to(scale, (some[0].shape[0], width, 3)))
-    palette = Image.fromarray(np.concatenate(some)).quantize(
-        colors=255, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE
-    )
-    entries = np.array(palette.getpalette()).reshape(-1, 3)
-    entries[entries.min(axis=1) > 247] = 255  # white is white
-    palette.putpalette(entries.reshape(-1).tolist())
-    drawn = [Image.fromarray(i).quantize(palette=palette, dither=Image.Dither.NONE) for i in all_images]
-    duration = [round(1000 / _FRAMES_PER_SECOND)] * len(drawn)
-    duration[-1] = 1500
-    drawn[0].save(path, save_all=True, append_images=drawn[1:], duration=duration, loop=0)
-
-
-def _write_mp4(images: Iterator[NDArray[np.uint8]], path: Path) -> bool:
-    """Write an mp4 with ffmpeg; return whether that went well."""
-    ffmpeg = shutil.which("ffmpeg")
-    if ffmpeg is None:
-        return False
-    process: Any = None
-    try:
-        for image in images:
-            even = np.ascontiguousarray(image[: image.shape[0] // 2 * 2, : image.shape[1] // 2 * 2])
-            if process is None:
-                size = f"{even.shape[1]}x{even.shape[0]}"
-                options = f"-y -f rawvideo -pix_fmt rgb24 -s {size} -r {_FRAMES_PER_SECOND} -i -"
-                encoding = "-an -c:v libx264 -crf 20 -pix_fmt yuv420p -movflags +faststart"
-                process = subprocess.Popen(
-                    [ffmpeg, *options.split(), *encoding.split(), str(path)],
-                    stdin=subprocess.PIPE,
-                    stdout=subprocess.DEVNULL,
-                    stderr=subprocess.DEVNULL,
-                )
-            process.stdin.write(even.tobytes())
-    except OSError:  # ffmpeg gave up (no such encoder)
-        pass
-    if process is None:
-        return False
-    with contextlib.suppress(OSError):
-        process.stdin.close()
-    if process.wait() == 0:
-        return True
-    path.unlink(missing_ok=True)
-    return False
 
 
 def _fields(reader: vtkhdf.Reader, settings: OutputSettings) -> list[str]:
@@ -517,7 +460,7 @@ def draw_run(
         with vtkhdf.Reader(file) as reader:
             drawn.append(_draw_snapshot(reader, folder / "snapshot.png", settings, title))
             if settings.animation != "none" and len(reader) > 2:
-                mp4 = settings.animation == "mp4" or (settings.animation == "auto" and shutil.which("ffmpeg"))
+                mp4 = settings.animation == "mp4" or (settings.animation == "auto" and ffmpeg())
                 drawn.append(animate(reader, folder / f"animation.{'mp4' if mp4 else 'gif'}", settings, title))
     with matplotlib.rc_context(_STYLE):
         drawn += plot_gauges(folder, GAUGE_FOLDER, _figure, references)
