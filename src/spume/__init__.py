@@ -40,6 +40,7 @@ _HOME = {
     "spume.bodies.wall": ("Wall",),
     "spume.citation": ("cite",),
     "spume.run": ("resume",),
+    "spume.results": ("Results", "RunFolderError", "open"),
 }
 _MODULE = {name: module for module, names in _HOME.items() for name in names}
 

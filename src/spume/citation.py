@@ -65,7 +65,7 @@ def _case(run: Any) -> tuple[Case, str]:
     from spume.problems import Problem
 
     case = run if isinstance(run, Case) else getattr(run, "case", None)
-    folder = getattr(run, "folder", run if isinstance(run, str | os.PathLike) else None)
+    folder = run if isinstance(run, str | os.PathLike) else getattr(run, "path", getattr(run, "folder", None))
     if not isinstance(case, Case):
         if not isinstance(run, str | os.PathLike):
             raise TypeError(f"{type(run).__name__}: a run folder, a case file, a built-in case or a Case is needed")

@@ -7,7 +7,7 @@ from PIL import Image
 
 from outputs.fake_run import Simulation, complete, make_run, snapshot_of, tank
 from outputs.test_reference import write_csv
-from spume.outputs import OutputSettings, Reference, outputs_of, pictures, raster, vtkhdf
+from spume.outputs import OutputSettings, Reference, film, outputs_of, pictures, raster, vtkhdf
 from spume.outputs.gauges import Elevation, Force, Volume
 from spume.outputs.log import Log
 from spume.outputs.output import Output, Outputs

@@ -211,7 +211,7 @@ def _obstacles(
 # ------------------------------------------------------------------------------------------- figures
 
 
-def _figure(width: float, height: float, dpi: int) -> Any:
+def new_figure(width: float, height: float, dpi: int) -> Any:
     """Return a new figure that draws without a screen and leaves the user's choice of one alone."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -221,7 +221,7 @@ def _figure(width: float, height: float, dpi: int) -> Any:
     return made
 
 
-_STYLE = {
+STYLE = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],
     "font.size": 9.5,
@@ -267,7 +267,7 @@ class _Panels:
         height_all = (
             head + rows * (tall + inch.title) + (rows - 1) * inch.gap + inch.bottom * (rows if dimension == 2 else 1)
         )
-        self.figure = _figure(width, height_all, dpi)
+        self.figure = new_figure(width, height_all, dpi)
         self.shape = (max(round(tall * dpi), 2), max(round(panel * dpi), 2))
         size = (self.shape[1] / dpi / width, self.shape[0] / dpi / height_all)
         self.axes = []
@@ -364,7 +364,7 @@ def draw_frames(
 
     settings = settings or OutputSettings()
     view = view_of(chosen, settings)
-    with matplotlib.rc_context(_STYLE):
+    with matplotlib.rc_context(STYLE):
         columns = 1 if len(chosen) == 1 else 2
         if len(chosen) > 1 and chosen[0].dimension == 2 and view.size[1] > 1.4 * view.size[0]:
             columns = len(chosen)
@@ -400,7 +400,7 @@ def animate(
     fields = _fields(reader, settings)
     sample = [reader.read(n, fields) for n in numbers[:: max(len(numbers) // 12, 1)]]
     view = view_of(sample, settings)
-    with matplotlib.rc_context(_STYLE):
+    with matplotlib.rc_context(STYLE):
         panels = _Panels(view, reader.dimension, 1, 1, 8.0, dpi, title, fine=False)
 
         def images() -> Iterator[NDArray[np.uint8]]:
@@ -462,8 +462,8 @@ def draw_run(
             if settings.animation != "none" and len(reader) > 2:
                 mp4 = settings.animation == "mp4" or (settings.animation == "auto" and ffmpeg())
                 drawn.append(animate(reader, folder / f"animation.{'mp4' if mp4 else 'gif'}", settings, title))
-    with matplotlib.rc_context(_STYLE):
-        drawn += plot_gauges(folder, GAUGE_FOLDER, _figure, references)
+    with matplotlib.rc_context(STYLE):
+        drawn += plot_gauges(folder, GAUGE_FOLDER, new_figure, references)
     return drawn
 
 

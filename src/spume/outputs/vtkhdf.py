@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spume.outputs.disk import Sink, need_room
-from spume.outputs.snapshot import Snapshot
+from spume.outputs.snapshot import FLUID, WALL, Snapshot
 
 DEFAULT_FIELDS = (
     "velocity",
@@ -302,7 +302,7 @@ class Frame:
 
     time: float
     index: int
-    arrays: dict[str, NDArray[Any]]
+    arrays: Mapping[str, NDArray[Any]]
     spacing: float
     dimension: int
     units: dict[str, str]
@@ -312,6 +312,37 @@ class Frame:
 
     def __contains__(self, name: str) -> bool:
         return name in self.arrays
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    def __repr__(self) -> str:
+        return f"<Frame {self.index}: t = {self.time:g} s, {len(self)} rows, {', '.join(self.fields)}>"
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Names of the fields."""
+        return tuple(self.arrays)
+
+    @property
+    def position(self) -> NDArray[Any]:
+        """Positions of all rows [m], shape (rows, dimension)."""
+        return self["position"]
+
+    @property
+    def speed(self) -> NDArray[Any]:
+        """Speeds of all rows [m/s], shape (rows,)."""
+        return np.linalg.norm(self["velocity"], axis=1)
+
+    @property
+    def fluid(self) -> NDArray[np.bool_]:
+        """Mask of the fluid rows, shape (rows,)."""
+        return self["kind"] == FLUID
+
+    @property
+    def wall(self) -> NDArray[np.bool_]:
+        """Mask of the first solid layer, the rows that carry pressure, shape (rows,)."""
+        return self["kind"] == WALL
 
 
 class Reader:
