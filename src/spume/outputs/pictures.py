@@ -355,10 +355,22 @@ def draw_frames(
 
     Args:
         chosen: the frames, at least one.
-        path: the picture, ``*.png``.
+        path: the picture, ``*.png``, ``*.pdf`` or ``*.svg``.
         settings: colours and camera.
         title: text above.
         dpi: pixels per inch.
+    """
+    frames_figure(chosen, settings, title, dpi).savefig(path, dpi=dpi)
+    return path
+
+
+def frames_figure(
+    chosen: Sequence[vtkhdf.Frame], settings: OutputSettings | None = None, title: str = "", dpi: int = 150
+) -> Any:
+    """Return matplotlib's figure of some frames, each in a panel, with one colour scale; arguments of `draw_frames`.
+
+    Raises:
+        KeyError: the frames do not have the field that is to colour them.
     """
     import matplotlib
 
@@ -381,8 +393,7 @@ def draw_frames(
             axes.set_axis_off()
         for number, frame in enumerate(chosen):
             panels.show(number, frame, max(f.time for f in chosen))
-        panels.figure.savefig(path, dpi=dpi)
-    return path
+    return panels.figure
 
 
 def animate(
