@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from spume import doctor
 from spume.cli import app
-from spume.outputs import film
+from spume.outputs import film, render
 
 
 def call(*words):
@@ -23,7 +23,7 @@ def by_name(checks):
 
 def test_this_machine_is_ready(monkeypatch):
     monkeypatch.delenv("SPUME_DEVICE", raising=False)
-    monkeypatch.setattr(doctor, "_RENDER", "print('OK')")  # tests of rendered pictures show that it works
+    monkeypatch.setattr(render, "available", lambda: (True, "OpenGL"))  # tests of rendered pictures show that it works
     result = call("--json")
     answer = json.loads(result.stdout)
     assert (result.exit_code, answer["ok"]) == (0, True)

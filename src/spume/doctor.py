@@ -270,18 +270,10 @@ def _free(folder: Path) -> int | None:
 
 # ------------------------------------------------------------------------------------------- pictures
 
-_RENDER = (
-    "import pyvista\n"
-    "plotter = pyvista.Plotter(off_screen=True, window_size=(64, 64))\n"
-    "plotter.add_mesh(pyvista.Sphere(), color='red')\n"
-    "image = plotter.screenshot(return_img=True)\n"
-    "assert image[32, 32, 0] > image[32, 32, 2], 'the picture is empty'\n"
-    "print('OK', pyvista.GPUInfo().renderer if hasattr(pyvista, 'GPUInfo') else 'OpenGL')\n"
-)
-
 
 def pictures(quick: bool = False) -> Iterator[Check]:
     """Yield what films and rendered pictures need: ffmpeg, and OpenGL without a screen."""
+    from spume.outputs import render
     from spume.outputs.film import ffmpeg
 
     path = ffmpeg()
@@ -297,20 +289,9 @@ def pictures(quick: bool = False) -> Iterator[Check]:
             'for spume render: pip install "spume[view]"',
         )  # fmt: skip
         return
-    code, text = _end(_start("-c", _RENDER))
-    said = next((line[3:] for line in text.splitlines() if line.startswith("OK ")), "")
-    if code == 0:
-        yield Check("pictures", "off-screen rendering", FOUND, said)
-        return
-    last = (text.strip().splitlines() or [f"the attempt crashed ({code})"])[-1]
-    yield Check("pictures", "off-screen rendering", BROKEN, last[:200], NO_OPENGL)
-
-
-NO_OPENGL = (
-    "OpenGL without a screen is missing: on Debian and Ubuntu apt install libgl1 libegl1 libosmesa6, elsewhere the "
-    "Mesa libraries of the system; spume plot needs none"
-)
-"""What to do where nothing can be rendered."""
+    works, said = render.available()
+    remedy = "" if works else f"OpenGL without a screen is missing: {render.NO_OPENGL}"
+    yield Check("pictures", "off-screen rendering", FOUND if works else BROKEN, said, remedy)
 
 
 # ------------------------------------------------------------------------------------------ self-test

@@ -5,7 +5,7 @@ Everything is drawn from the files of the run folder, so it can be drawn again l
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -93,6 +93,8 @@ def view_of(sample: Sequence[vtkhdf.Frame], settings: OutputSettings) -> View:
         position = np.asarray(frame["position"], dtype=float)
         fluid = frame["kind"] == FLUID
         solid = ~fluid
+        if frame.dimension == 3 and "to_surface" in frame and np.any(wall := frame["kind"] == WALL):
+            position, solid = position + np.asarray(frame["to_surface"], dtype=float), wall  # no thickness is shown
         if np.any(solid):
             corners.append([position[solid].min(axis=0), position[solid].max(axis=0)])
         if np.any(fluid):
@@ -121,6 +123,10 @@ def _nice(value: float) -> float:
     """Return the smallest of 1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10 times a power of ten that is not below."""
     power = 10.0 ** np.floor(np.log10(value))
     return float(power * next(m for m in (1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10) if m * power >= value * (1 - 1e-9)))
+
+
+Painter = Callable[[vtkhdf.Frame, View, tuple[int, int], bool], raster.Image]
+"""What paints a frame: as `paint`, with the same arguments."""
 
 
 def paint(frame: vtkhdf.Frame, view: View, shape: tuple[int, int], fine: bool = True) -> raster.Image:
@@ -175,7 +181,7 @@ def _paint_3d(
         light = 0.90 + 0.06 * normal[:, 2] - 0.05 * np.abs(normal[:, 0])
         colours = np.where(fluid[:, None], colours, light[:, None]).astype(np.float32)
         position = position + to_surface  # the wetted planes themselves, which meet at the edges
-        obstacle = _obstacles(frame, position, normal, faced)
+        obstacle = obstacles_of(frame, position, normal, faced)
         room = faced & ~obstacle
         if np.any(obstacle):
             shade = 0.62 + 0.38 * np.clip(normal @ (camera.axes.T @ _LIGHT), 0.0, 1.0)
@@ -192,7 +198,7 @@ def _paint_3d(
 _LIGHT = np.array([-0.5, 0.55, 0.67])  # right, up, towards the eye
 
 
-def _obstacles(
+def obstacles_of(
     frame: vtkhdf.Frame, surface: NDArray[np.float64], normal: NDArray[np.float64], faced: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
     """Return which rows belong to bodies that stand in the water: their faces look away from their middle."""
@@ -249,8 +255,10 @@ class _Panels:
         dpi: int,
         title: str,
         fine: bool = True,
+        painter: Painter | None = None,
     ) -> None:
         self.view, self.dimension, self.fine = view, dimension, fine
+        self.painter: Painter = painter or paint
         inch = _Inches(dimension)
         panel = (width - inch.right - columns * inch.left - (columns - 1) * inch.gap) / columns
         if dimension == 2:
@@ -327,7 +335,7 @@ class _Panels:
 
     def show(self, panel: int, frame: vtkhdf.Frame, end: float) -> None:
         """Draw a frame of a run that ends at ``end`` [s] into a panel."""
-        self.images[panel].set_data(paint(frame, self.view, self.shape, self.fine))
+        self.images[panel].set_data(self.painter(frame, self.view, self.shape, self.fine))
         decimals = max(2 - int(np.floor(np.log10(end))), 0) if end > 0.0 else 2
         self.times[panel].set_text(f"t = {frame.time:.{decimals}f} s")
 
@@ -365,9 +373,20 @@ def draw_frames(
 
 
 def frames_figure(
-    chosen: Sequence[vtkhdf.Frame], settings: OutputSettings | None = None, title: str = "", dpi: int = 150
+    chosen: Sequence[vtkhdf.Frame],
+    settings: OutputSettings | None = None,
+    title: str = "",
+    dpi: int = 150,
+    painter: Painter | None = None,
 ) -> Any:
-    """Return matplotlib's figure of some frames, each in a panel, with one colour scale; arguments of `draw_frames`.
+    """Return matplotlib's figure of some frames, each in a panel, with one colour scale.
+
+    Args:
+        chosen: the frames, at least one.
+        settings: colours and camera.
+        title: text above.
+        dpi: pixels per inch.
+        painter: what paints a panel; default: `paint`.
 
     Raises:
         KeyError: the frames do not have the field that is to colour them.
@@ -388,6 +407,7 @@ def frames_figure(
             8.0 if columns == 1 else 10.5,
             dpi,
             title,
+            painter=painter,
         )
         for axes in panels.axes[len(chosen) :]:
             axes.set_axis_off()
@@ -397,22 +417,37 @@ def frames_figure(
 
 
 def animate(
-    reader: vtkhdf.Reader, path: Path, settings: OutputSettings | None = None, title: str = "", dpi: int = 96
+    reader: vtkhdf.Reader,
+    path: Path,
+    settings: OutputSettings | None = None,
+    title: str = "",
+    dpi: int = 96,
+    painter: Painter | None = None,
+    told: Callable[[int, int], None] | None = None,
 ) -> Path:
     """Animate the frames of a run; return the file, whose ending says the format (``.gif``, ``.mp4``).
 
     At most 100 frames are drawn. Where ffmpeg cannot write an mp4 a gif is made instead.
+
+    Args:
+        reader: the frames.
+        path: the film.
+        settings: colours and camera.
+        title: text above.
+        dpi: pixels per inch.
+        painter: what paints a frame; default: `paint`.
+        told: is told how many pictures are drawn, and of how many.
     """
     import matplotlib
 
     settings = settings or OutputSettings()
     stride = max(-(-len(reader) // _ANIMATION_FRAMES), 1)
     numbers = list(range(0, len(reader), stride))
-    fields = _fields(reader, settings)
+    fields = fields_of(reader, settings)
     sample = [reader.read(n, fields) for n in numbers[:: max(len(numbers) // 12, 1)]]
     view = view_of(sample, settings)
     with matplotlib.rc_context(STYLE):
-        panels = _Panels(view, reader.dimension, 1, 1, 8.0, dpi, title, fine=False)
+        panels = _Panels(view, reader.dimension, 1, 1, 8.0, dpi, title, False, painter)
 
         def images() -> Iterator[NDArray[np.uint8]]:
             canvas, axes = panels.figure.canvas, panels.axes[0]
@@ -421,7 +456,9 @@ def animate(
                 artist.set_animated(True)
             canvas.draw()
             still = canvas.copy_from_bbox(panels.figure.bbox)
-            for number in numbers:
+            for done, number in enumerate(numbers):
+                if told is not None:
+                    told(done, len(numbers))
                 panels.show(0, reader.read(number, fields), float(reader.times[-1]))
                 canvas.restore_region(still)
                 for artist in moving:
@@ -436,7 +473,8 @@ def animate(
     return path
 
 
-def _fields(reader: vtkhdf.Reader, settings: OutputSettings) -> list[str]:
+def fields_of(reader: vtkhdf.Reader, settings: OutputSettings) -> list[str]:
+    """Return the fields that pictures need, of those that the frames have."""
     wanted = [*_DRAWN, *([] if settings.colour == "speed" else [settings.colour])]
     return [name for name in dict.fromkeys(wanted) if name in reader.fields]
 
@@ -484,5 +522,5 @@ def _draw_snapshot(reader: vtkhdf.Reader, path: Path, settings: OutputSettings, 
     numbers = sorted({round(last * share) for share in (0.25, 0.5, 0.75, 1.0)})
     if len(numbers) == 3:
         numbers = numbers[-2:]
-    fields = _fields(reader, settings)
+    fields = fields_of(reader, settings)
     return draw_frames([reader.read(n, fields) for n in numbers], path, settings, title)
