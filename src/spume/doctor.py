@@ -107,6 +107,7 @@ def installation() -> Iterator[Check]:
 _SERVES = {
     "view": "rendered pictures and films of 3D runs",
     "report": "spume report",
+    "notebook": "gauges as pandas frames, and notebooks",
     "mpi": "several machines",
     "cluster": "many runs on a cluster",
     "test": "the tests",

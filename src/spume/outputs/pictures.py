@@ -5,7 +5,9 @@ Everything is drawn from the files of the run folder, so it can be drawn again l
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import functools
+import io
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -58,8 +60,15 @@ def values_of(frame: vtkhdf.Frame, colour: str) -> NDArray[np.float64]:
     return np.asarray(frame[colour], dtype=float)
 
 
-def frame_of(snapshot: Snapshot, fields: Sequence[str] = _DRAWN) -> vtkhdf.Frame:
-    """Return a snapshot as a frame, so that it can be drawn."""
+def frame_of(snapshot: Snapshot, colour: str | None = None) -> vtkhdf.Frame:
+    """Return a snapshot as a frame, so that it can be drawn, with the field that is to colour it.
+
+    Raises:
+        KeyError: no such field.
+    """
+    fields = dict.fromkeys((*_DRAWN, colour)) if colour else _DRAWN
+    if colour and colour not in snapshot:
+        raise KeyError(f"colour = {colour!r}: speed or one of {', '.join(sorted(snapshot.fields))}")
     return vtkhdf.Frame(
         time=snapshot.time,
         index=0,
@@ -220,11 +229,24 @@ def obstacles_of(
 def new_figure(width: float, height: float, dpi: int) -> Any:
     """Return a new figure that draws without a screen and leaves the user's choice of one alone."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
 
-    made = Figure(figsize=(width, height), dpi=dpi, facecolor="white")
+    made = _figure_class()(figsize=(width, height), dpi=dpi, facecolor="white")
     FigureCanvasAgg(made)
     return made
+
+
+@functools.cache
+def _figure_class() -> Any:
+    """Return a figure that a notebook shows, also where matplotlib's backend for notebooks was not loaded."""
+    from matplotlib.figure import Figure
+
+    class Picture(Figure):
+        def _repr_png_(self) -> bytes:
+            buffer = io.BytesIO()
+            self.savefig(buffer, format="png", dpi=self.dpi)
+            return buffer.getvalue()
+
+    return Picture
 
 
 STYLE = {
@@ -414,6 +436,23 @@ def frames_figure(
         for number, frame in enumerate(chosen):
             panels.show(number, frame, max(f.time for f in chosen))
     return panels.figure
+
+
+def plot(frame: vtkhdf.Frame, colour: str | None, dpi: int, settings: Mapping[str, Any], title: str = "") -> Any:
+    """Return matplotlib's figure of one frame.
+
+    Args:
+        frame: the frame.
+        colour: field that colours it; default: ``speed``.
+        dpi: pixels per inch.
+        settings: further keys of a case's ``[output]`` table.
+        title: text above.
+
+    Raises:
+        KeyError: no such field.
+        ValidationError: a setting that is not allowed.
+    """
+    return frames_figure([frame], OutputSettings.model_validate({"colour": colour or "speed", **settings}), title, dpi)
 
 
 def animate(
