@@ -25,7 +25,7 @@ def export(
     ] = "csv",
     times: Annotated[
         list[float] | None,
-        typer.Option("--time", metavar="T", help="Export the frame nearest to this time [s]. May be repeated."),
+        typer.Option("--time", metavar="T", help="Export the frame nearest to this time \\[s]. May be repeated."),
     ] = None,
     fields: Annotated[
         list[str] | None,

@@ -28,14 +28,14 @@ def plot(
     run: RunArgument,
     times: Annotated[
         list[float] | None,
-        typer.Option("--time", metavar="T", help="Draw the frame nearest to this time [s]. May be repeated."),
+        typer.Option("--time", metavar="T", help="Draw the frame nearest to this time \\[s]. May be repeated."),
     ] = None,
     gauges: Annotated[
         list[str] | None, typer.Option("--gauge", metavar="NAME", help="Draw this gauge. May be repeated.")
     ] = None,
     line: Annotated[
         str | None,
-        typer.Option(metavar="X,Y:X,Y", help="Draw pressure and elevation along this line over time [m]."),
+        typer.Option(metavar="X,Y:X,Y", help="Draw pressure and elevation along this line over time \\[m]."),
     ] = None,
     colour: ColourOption = None,
     colour_range: RangeOption = None,

@@ -17,7 +17,7 @@ def render(
     run: RunArgument,
     times: Annotated[
         list[float] | None,
-        typer.Option("--time", metavar="T", help="Show the frame nearest to this time [s]. May be repeated."),
+        typer.Option("--time", metavar="T", help="Show the frame nearest to this time \\[s]. May be repeated."),
     ] = None,
     film: Annotated[bool, typer.Option(help="Make a film of the run as well.")] = True,
     colour: ColourOption = None,
@@ -25,7 +25,7 @@ def render(
     colour_map: MapOption = None,
     camera: Annotated[
         tuple[float, float] | None,
-        typer.Option("--view", metavar="AZIMUTH HEIGHT", help="Direction from which it is seen [degrees]."),
+        typer.Option("--view", metavar="AZIMUTH HEIGHT", help="Direction from which it is seen \\[degrees]."),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of the pictures. Default: plots in the run folder.")] = None,
 ) -> None:
@@ -58,4 +58,4 @@ def render(
     for path in drawn:
         console.print(str(path), highlight=False, soft_wrap=True)
     if film and ffmpeg() is None:
-        console.print(f"MP4 files need ffmpeg: {INSTALL}, or install ffmpeg", highlight=False)
+        console.print(f"MP4 files need ffmpeg: {INSTALL}, or install ffmpeg", highlight=False, markup=False)
