@@ -39,7 +39,7 @@ def tank(fluid: int, dimension: int) -> tuple[dict[str, np.ndarray], float]:
     """Return rows at rest of a tank 2 m long, 1 m high, 0.4 m wide, filled to its half with so many rows."""
     size = np.array([2.0, 1.0] if dimension == 2 else [2.0, 0.4, 1.0])
     spacing = float((np.prod(size[:-1]) * DEPTH / fluid) ** (1.0 / dimension))
-    counts = np.round(size / spacing).astype(int)
+    counts = np.ceil(size / spacing).astype(int)
     ranges = [np.arange(-LAYERS, n + LAYERS) for n in counts[:-1]] + [np.arange(-LAYERS, counts[-1])]
     index = np.stack(np.meshgrid(*ranges, indexing="ij"), axis=-1).reshape(-1, dimension)
     position = (index + 0.5) * spacing

@@ -25,7 +25,9 @@ async function particles() {
   for (const [index, run] of report.runs.entries()) {
     if (!run.particles) continue;
     const bytes = await inflated(`particles-${index}`);
-    views.push(new View(document.getElementById(`view-${index}`), run.particles, bytes, maps));
+    const view = new View(document.getElementById(`view-${index}`), run.particles, bytes, maps);
+    view.name = run.name;
+    views.push(view);
   }
   if (views.length) window.spume.player = new Player(views, report.ranges);
 }

@@ -152,7 +152,7 @@ def _note(
 
 def _momentum(frame: vtkhdf.Frame, rows: NDArray[np.int64], densities: list[float]) -> dict[str, float]:
     """Return the components of the momentum of the fluid, Σ ρ l0^d u, where densities and velocities are known."""
-    if "velocity" not in frame or not densities:
+    if "velocity" not in frame or not densities or not np.all(np.isfinite(densities)):
         return {}
     index = frame["material"][rows].astype(int) if "material" in frame else np.zeros(len(rows), dtype=int)
     if len(index) and (index.max() >= len(densities) or index.min() < 0):

@@ -80,11 +80,10 @@ class Player {
       const [frame, part] = this.within(view.times, share);
       view.draw(frame, part);
     }
-    const frame = this.views[0].frame;
     this.find("scrub").value = this.frame;
     this.find("scrub").setAttribute("aria-valuetext", `${this.time.toPrecision(4)} s`);
     this.find("clock").textContent = `t = ${this.time.toFixed(3)} s, frame ${this.frame + 1} of ${this.times.length}`;
-    this.tell(frame);
+    this.tell();
   }
 
   within(times, share) {
@@ -103,7 +102,8 @@ class Player {
     if (view.options.extreme && view.largest >= 0) {
       lines.push(`largest ${view.options.colour}: ${view.described(view.largest)}`);
     }
-    const text = lines.join("\n");
+    const name = this.views.length > 1 ? `${view.name}: ` : "";
+    const text = lines.map((line) => name + line).join("\n");
     if (this.find("told").textContent !== text) this.find("told").textContent = text;
   }
 
@@ -135,6 +135,7 @@ class Player {
       }
       this.frame = this.within(this.times, 0)[0];
       this.show(1);
+      for (const view of this.views) view.adapt(false);
       requestAnimationFrame(tick);
     };
     requestAnimationFrame(tick);
@@ -149,6 +150,7 @@ class Player {
     if (!this.playing) return;
     this.playing = false;
     this.label();
+    for (const view of this.views) view.adapt(true);
     this.seek(this.frame);
   }
 

@@ -16,7 +16,7 @@ _PRESELECTED = 40  # rows per wanted row beyond which a random part is looked at
 def even(position: NDArray[np.floating], spacing: float, count: int) -> NDArray[np.int64]:
     """Return rows that fill the same space evenly, at most `count` of them, in ascending order.
 
-    Space is cut into cells, as small as the count allows, and the first row in each cell is taken.
+    Space is cut into equal cells, as small as the count allows, and the row nearest to the middle of each is taken.
 
     Args:
         position: positions of all rows [m], shape (rows, dimension).
@@ -31,18 +31,22 @@ def even(position: NDArray[np.floating], spacing: float, count: int) -> NDArray[
     chosen = np.arange(rows)
     if rows > _PRESELECTED * count:
         chosen = np.sort(np.random.default_rng(0).choice(rows, _PRESELECTED * count // 2, replace=False))
-    lower = position.min(axis=0)
+    place = position[chosen].astype(float)
+    lower = place.min(axis=0)
+    extent = place.max(axis=0) - lower + spacing
     size = spacing * (rows / count) ** (1.0 / dimension)
     while True:
-        cell = np.floor((position[chosen] - lower) / size).astype(np.int64)
-        along = cell.max(axis=0) + 1
-        key = cell[:, 0]
-        for axis in range(1, dimension):
-            key = key * along[axis] + cell[:, axis]
-        first = np.unique(key, return_index=True)[1]
-        if len(first) <= count:
-            return np.sort(chosen[first])
-        size *= max(1.005, (len(first) / count) ** (1.0 / dimension))
+        along = np.maximum(np.rint(extent / size), 1.0)
+        share = (place - lower + 0.5 * spacing) / extent * along
+        cell = np.minimum(np.floor(share), along - 1.0)
+        key = np.ravel_multi_index(tuple(cell.T.astype(np.int64)), tuple(along.astype(np.int64)))
+        found = len(np.unique(key))
+        if found <= count:
+            break
+        size *= max(1.005, (found / count) ** (1.0 / dimension))
+    order = np.lexsort((((share - cell - 0.5) ** 2).sum(axis=1), key))
+    first = np.flatnonzero(np.diff(key[order], prepend=-1))
+    return np.sort(chosen[order[first]])
 
 
 def extremes(position: NDArray[np.floating], values: dict[str, NDArray[np.floating]]) -> dict[str, tuple[int, int]]:

@@ -156,9 +156,9 @@ def _comparison(c: Comparison) -> list[str]:
     inside = "" if c.peak_in_band is None else (" ✓ in band" if c.peak_in_band else " ✗ outside")
     peak = cell(c.peak, digits=3).replace("</td>", f"{inside}</td>")
     return [
-        f"<td>{escape(unit)}</td>", peak, cell(c.reference_peak, digits=3), f"<td class='number'>{band}</td>",
-        cell(c.arrival, digits=3), cell(c.reference_arrival, digits=3), cell(c.rms, digits=3), _percent(share),
-        cell(c.max_error, digits=3), _percent(c.coverage),
+        f"<td class='number'>{escape(unit)}</td>", peak, cell(c.reference_peak, digits=3),
+        f"<td class='number'>{band}</td>", cell(c.arrival, digits=3), cell(c.reference_arrival, digits=3),
+        cell(c.rms, digits=3), _percent(share), cell(c.max_error, digits=3), _percent(c.coverage),
     ]  # fmt: skip
 
 

@@ -3,8 +3,11 @@
 // browser shows the same with or without a graphics card.
 
 const PIXELS = 1.1e6; // drawn at most; beyond, a pixel of the canvas covers several of the screen
+const FEWEST_PIXELS = 1.5e5; // where that is too slow to play
+const SLOW = 20; // milliseconds for a picture
 const SHADES = 8;
 const HIDDEN = 65535;
+const BUCKETS = 2048; // of distances from the eye
 const GREYS = 16; // of walls that look in different directions
 const TAU = 2 * Math.PI;
 
@@ -93,6 +96,7 @@ class Stamp {
     this.lift = Float32Array.from(lift);
     this.shade = Uint8Array.from(shade);
     this.length = dx.length;
+    this.top = round ? depth : 0;
   }
 }
 
@@ -140,6 +144,8 @@ class View {
     this.selected = -1;
     this.frame = 0;
     this.drawn = 0; // pictures so far
+    this.most = PIXELS;
+    this.mean = 0; // milliseconds for a picture, lately
     this.reset();
     this.resize();
   }
@@ -156,7 +162,7 @@ class View {
   resize() {
     const box = this.canvas.getBoundingClientRect();
     if (!box.width) return false;
-    const ratio = Math.min(window.devicePixelRatio || 1, Math.sqrt(PIXELS / (box.width * box.height)));
+    const ratio = Math.min(window.devicePixelRatio || 1, Math.sqrt(this.most / (box.width * box.height)));
     const width = Math.max(16, Math.round(box.width * ratio)), height = Math.max(16, Math.round(box.height * ratio));
     this.ratio = width / box.width;
     if (width === this.canvas.width && height === this.canvas.height && this.image) return false;
@@ -272,19 +278,40 @@ class View {
     return (this.ranges || this.known.ranges)[name];
   }
 
+  /** Rows from the nearest to the farthest, roughly; in 2D as they are. */
+  order(group) {
+    const rows = group.rows, order = (group.order ??= Uint32Array.from({ length: rows }, (_, i) => i));
+    if (this.dimension === 2) return order;
+    const screen = group.screen, counts = new Uint32Array(BUCKETS + 1);
+    let low = Infinity, high = -Infinity;
+    for (let j = 2; j < 3 * rows; j += 3) {
+      if (screen[j] < low) low = screen[j];
+      if (screen[j] > high) high = screen[j];
+    }
+    const factor = (BUCKETS - 1) / Math.max(high - low, 1e-30);
+    for (let j = 2; j < 3 * rows; j += 3) counts[1 + ((factor * (high - screen[j])) | 0)]++;
+    for (let b = 0; b < BUCKETS; b++) counts[b + 1] += counts[b];
+    for (let i = 0, j = 2; i < rows; i++, j += 3) order[counts[(factor * (high - screen[j])) | 0]++] = i;
+    return order;
+  }
+
   splat(group, stamp, colours, numbers, frame) {
     const { pixels, depth } = this, width = this.canvas.width, height = this.canvas.height;
-    const screen = group.screen, { table, count } = colours, { reach, dx, dy, lift, shade, length } = stamp;
-    const offset = new Int32Array(length);
+    const screen = group.screen, { table, count } = colours, { reach, top, dx, dy, lift, shade, length } = stamp;
+    const offset = new Int32Array(length), side = reach * width, balls = this.dimension === 3 && top > 0;
     for (let k = 0; k < length; k++) offset[k] = dy[k] * width + dx[k];
-    const gaps = group.has("absent");
-    for (let i = 0; i < group.rows; i++) {
-      const colour = numbers[i];
+    const gaps = group.has("absent"), order = this.order(group);
+    for (let n = 0; n < group.rows; n++) {
+      const i = order[n], colour = numbers[i];
       if (colour === HIDDEN || (gaps && group.absent(frame, i))) continue;
       const px = Math.round(screen[3 * i]), py = Math.round(screen[3 * i + 1]), z = screen[3 * i + 2];
       if (px + reach < 0 || py + reach < 0 || px - reach >= width || py - reach >= height) continue;
-      const base = py * width + px;
-      if (px >= reach && py >= reach && px + reach < width && py + reach < height) {
+      const base = py * width + px, whole = px >= reach && py >= reach && px + reach < width && py + reach < height;
+      if (whole) {
+        const nearest = z + top;
+        // Most balls are inside the water, behind others that are drawn already.
+        if (balls && depth[base] > nearest && depth[base - reach] > nearest && depth[base + reach] > nearest &&
+            depth[base - side] > nearest && depth[base + side] > nearest) continue;
         for (let k = 0; k < length; k++) {
           const p = base + offset[k], d = z + lift[k];
           if (d > depth[p]) {
@@ -322,16 +349,10 @@ class View {
     this.frame = frame;
     if (!this.image) return;
     if (!this.ink) this.theme();
+    const begin = performance.now();
     const camera = (this.lastCamera = this.camera());
-    this.pixels.fill(this.background);
-    this.depth.fill(-Infinity);
-    const { wall, fluid } = this.groups;
-    if (wall && this.options.walls) {
-      this.project(wall, camera, frame, share);
-      if (this.dimension === 2) for (let j = 2; j < wall.screen.length; j += 3) wall.screen[j] = -1e9;
-      const light = this.wallLight(wall, camera, frame);
-      this.splat(wall, this.stamp(wall, camera, false), this.wallColours, light, frame);
-    }
+    const { fluid } = this.groups;
+    this.drawWalls(camera, frame, share);
     if (fluid) {
       this.project(fluid, camera, frame, share);
       const { result, table } = this.fluidColours(frame);
@@ -341,8 +362,44 @@ class View {
     this.context.font = this.font;
     if (this.dimension === 2) this.drawAxes(camera);
     else this.drawTriad(camera);
-    if (fluid) this.drawMarks(frame, camera);
+    this.drawTime(frame, share);
+    if (fluid) this.drawMarks(frame);
     this.drawn++;
+    this.mean += 0.2 * (performance.now() - begin - this.mean);
+  }
+
+  /** Draw coarser where pictures take too long to play; `fine` goes back. True if the canvas changed. */
+  adapt(fine) {
+    if (fine) this.most = PIXELS;
+    else if (this.mean > SLOW && this.most > FEWEST_PIXELS) {
+      this.most = Math.max(FEWEST_PIXELS, Math.min(this.most, this.canvas.width * this.canvas.height) * 0.6);
+      this.mean = 0;
+    } else return false;
+    const changed = this.resize();
+    if (changed) this.theme();
+    return changed;
+  }
+
+  /** Background and walls, which are kept while neither they nor the eye move. */
+  drawWalls(camera, frame, share) {
+    const { wall } = this.groups, shown = wall && this.options.walls;
+    const moving = shown && Object.values(wall.channels).some((channel) => channel.frames > 1);
+    const key = [this.azimuth, this.height, this.zoom, ...this.middle, this.canvas.width, this.canvas.height, this.background,
+      shown, moving ? frame + share : 0].join();
+    if (this.kept?.key === key) {
+      this.pixels.set(this.kept.pixels);
+      this.depth.set(this.kept.depth);
+      return;
+    }
+    this.pixels.fill(this.background);
+    this.depth.fill(-Infinity);
+    if (shown) {
+      this.project(wall, camera, frame, share);
+      if (this.dimension === 2) for (let j = 2; j < wall.screen.length; j += 3) wall.screen[j] = -1e9;
+      const light = this.wallLight(wall, camera, frame);
+      this.splat(wall, this.stamp(wall, camera, false), this.wallColours, light, frame);
+    }
+    if (!moving) this.kept = { key, pixels: this.pixels.slice(), depth: this.depth.slice() };
   }
 
   /** How light each wall row is; in 3D HIDDEN where it looks away: the floor and the far sides of a tank are seen. */
@@ -405,6 +462,15 @@ class View {
 
   cssBackground() {
     return getComputedStyle(document.documentElement).getPropertyValue("--plot").trim();
+  }
+
+  drawTime(frame, share) {
+    const times = this.times, next = times[Math.min(frame + 1, times.length - 1)];
+    const [left, , top] = this.margins();
+    this.context.textAlign = "left";
+    this.context.textBaseline = "top";
+    this.context.fillStyle = this.ink;
+    this.context.fillText(`t = ${(times[frame] + share * (next - times[frame])).toFixed(3)} s`, left + 8 * this.ratio, top + 6 * this.ratio);
   }
 
   /** Directions of the axes and a length to compare with. */
