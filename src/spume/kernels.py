@@ -42,7 +42,13 @@ class DeviceError(RuntimeError):
 
 @dataclass(frozen=True)
 class Runtime:
-    """What the kernels are compiled for."""
+    """What the kernels are compiled for.
+
+    Attributes:
+        device: one of ``DEVICES``.
+        threads: processor threads.
+        precision: ``double`` or ``single``.
+    """
 
     device: str
     threads: int

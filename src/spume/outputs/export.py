@@ -99,7 +99,7 @@ def _spatial(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def columns_of(frame: Frame) -> dict[str, NDArray[Any]]:
-    """Return the numbers of a frame by the header of their column: ``x [m]``, ``velocity_x [m/s]``."""
+    """Return columns of shape (rows,) of a frame by their header: ``x [m]``, ``velocity_x [m/s]``."""
     found: dict[str, NDArray[Any]] = {}
     for name in frame.arrays:
         values, unit = np.asarray(frame[name]), frame.units.get(name) or ("m" if name == "position" else "1")

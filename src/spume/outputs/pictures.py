@@ -81,7 +81,13 @@ def frame_of(snapshot: Snapshot, colour: str | None = None) -> vtkhdf.Frame:
 
 @dataclass(frozen=True)
 class View:
-    """What all pictures of a run share: the part of space they show and the scale of colours."""
+    """What all pictures of a run share: the part of space they show and the scale of colours.
+
+    Attributes:
+        lower, upper: corners of what is shown [m], shape (d,).
+        low, high: values at the ends of the colour scale [SI unit of the field].
+        settings: the case's settings of pictures.
+    """
 
     lower: NDArray[np.float64]
     upper: NDArray[np.float64]
@@ -91,6 +97,7 @@ class View:
 
     @property
     def size(self) -> NDArray[np.float64]:
+        """Extent of what is shown [m], shape (d,)."""
         return self.upper - self.lower
 
 
@@ -210,7 +217,14 @@ _LIGHT = np.array([-0.5, 0.55, 0.67])  # right, up, towards the eye
 def obstacles_of(
     frame: vtkhdf.Frame, surface: NDArray[np.float64], normal: NDArray[np.float64], faced: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Return which rows belong to bodies that stand in the water: their faces look away from their middle."""
+    """Return which rows belong to bodies that stand in the water: their faces look away from their middle.
+
+    Args:
+        frame: the frame, with ``body``.
+        surface: where the side of each solid row meets the water [m], shape (rows, d).
+        normal: unit normals there, towards the water, shape (rows, d).
+        faced: which rows have such a side, shape (rows,).
+    """
     result = np.zeros(len(surface), dtype=bool)
     if "body" not in frame:
         return result
