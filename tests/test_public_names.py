@@ -97,7 +97,8 @@ def raised(function):
 
 def has_array(function):
     """Whether a function takes or returns arrays, as its annotations say."""
-    return any("NDArray" in str(annotation) for annotation in inspect.get_annotations(function).values())
+    annotations = inspect.get_annotations(function).values()
+    return any(re.search(r"ndarray|\bPoints\b", str(annotation), re.IGNORECASE) for annotation in annotations)
 
 
 def of_function(name, function, text, context):

@@ -265,7 +265,9 @@ def array(value: Any, size: int) -> Any:
 
 
 def host(data: Any) -> np.ndarray[Any, Any]:
-    """Return a device array as a NumPy array: its own memory where the device is the processor, else a copy.
+    """Return a device array as a NumPy array, shape (size, *shape of a value).
+
+    It is the device's own memory where that is the processor, else a copy.
 
     Use :func:`publish` after writing to it.
     """
@@ -274,7 +276,7 @@ def host(data: Any) -> np.ndarray[Any, Any]:
 
 
 def publish(data: Any, values: np.ndarray[Any, Any]) -> None:
-    """Make what was written to the array from :func:`host` the device array's content."""
+    """Make what was written to the array from :func:`host`, of its shape, the device array's content."""
     if values.flags.owndata:
         data.from_numpy(values)
 

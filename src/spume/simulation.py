@@ -227,6 +227,8 @@ class Simulation:
     def state(self, fields: Iterable[str] = ()) -> State:
         """Return everything that the next step reads; after `restore` the steps that follow are the same bits.
 
+        The arrays have the shapes of the fields, (count, *shape), and of what the list and the bodies keep.
+
         Args:
             fields: fields to save besides those that a step reads.
         """
@@ -250,7 +252,7 @@ class Simulation:
         return arrays, numbers
 
     def restore(self, arrays: Mapping[str, NDArray[Any]], numbers: Mapping[str, Any]) -> None:
-        """Take back a state that `state` gave, of the same case.
+        """Take back a state that `state` gave, arrays of the same shapes, of the same case.
 
         Raises:
             KeyError: something is missing.

@@ -34,7 +34,7 @@ class Shape(Scheme, family="shape", selector="kind"):
         raise NotImplementedError
 
     def nearest(self, points: Points) -> Points:
-        """Return the point of the surface [m] nearest to each point."""
+        """Return the point of the surface [m] nearest to each point, shape (n, d)."""
         raise NotImplementedError
 
     def inside(self, points: Points) -> NDArray[np.bool_]:
