@@ -17,6 +17,8 @@ end = 0.5
 [[fluid]]
 name = "water"
 shape = {{ kind = "box", lower = {lower}, upper = {filled} }}
+density = 1000.0
+viscosity = 1.0e-6
 
 [[body]]
 name = "tank"

@@ -26,7 +26,10 @@ ALLOWED = {
 MAY_IMPORT_SIMULATION = {"spume", "spume.build", "spume.run", "spume.bench", "spume.cli"}
 KERNEL_LANGUAGE = {"quadrants", "taichi", "warp", "numba"}
 # Not part of the base installation, so a module that imports one at its top breaks it.
-EXTRAS = {"pyvista", "vtk", "vtkmodules", "trame", "plotly", "mpi4py", "petsc4py", "dask"}
+EXTRAS = {
+    "pyvista", "vtk", "vtkmodules", "trame", "imageio_ffmpeg", "plotly", "mpi4py", "petsc4py", "dask",
+    "pandas", "meshio", "IPython",
+}  # fmt: skip
 # Part of it, but slow to import: the command line must answer at once.
 SLOW = {"matplotlib", "trimesh", "rtree", "manifold3d", "scipy", "h5py", "quadrants"}
 DUMPING_GROUNDS = {"utils", "util", "helpers", "common", "misc", "tools"}

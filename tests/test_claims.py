@@ -7,7 +7,6 @@ nothing of Spume; both they and the schemes are held to the number in the file.
 
 import importlib
 import json
-import re
 import sys
 from copy import copy
 from functools import cache

@@ -39,7 +39,9 @@ _HOME = {
     ),
     "spume.bodies.wall": ("Wall",),
     "spume.citation": ("cite",),
-    "spume.run": ("resume",),
+    "spume.history": ("History",),
+    "spume.simulation": ("Simulation",),
+    "spume.run": ("Run", "resume"),
     "spume.results": ("Results", "RunFolderError", "open"),
 }
 _MODULE = {name: module for module, names in _HOME.items() for name in names}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import json
 import os
@@ -64,7 +65,7 @@ def _case(run: Any) -> tuple[Case, str]:
     from spume.problems import Problem
 
     case = run if isinstance(run, Case) else getattr(run, "case", None)
-    folder = getattr(run, "folder", run if isinstance(run, str | os.PathLike) else None)
+    folder = run if isinstance(run, str | os.PathLike) else getattr(run, "path", getattr(run, "folder", None))
     if not isinstance(case, Case):
         if not isinstance(run, str | os.PathLike):
             raise TypeError(f"{type(run).__name__}: a run folder, a case file, a built-in case or a Case is needed")
@@ -72,10 +73,9 @@ def _case(run: Any) -> tuple[Case, str]:
             raise CaseError([Problem(str(run), "", "", "no run folder: it holds no case.toml")])
         case = load(run)
     version = spume.__version__
-    try:
+    # Not run yet, or cut short: the version that reads it now.
+    with contextlib.suppress(OSError, ValueError, KeyError):
         version = str(json.loads((Path(folder or "") / "summary.json").read_text(encoding="utf-8"))["version"])
-    except (OSError, ValueError, KeyError):  # not run yet, or cut short: the version that reads it now
-        pass
     return case, version
 
 

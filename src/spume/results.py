@@ -123,6 +123,7 @@ class Results:
         self.document: dict[str, Any] = self._read_document()
         self.times: NDArray[np.float64] = np.zeros(0)
         self._fields: tuple[str, ...] = ()
+        self._tables: dict[str | None, tuple[dict[str, NDArray[np.float64]], dict[str, str]]] = {}
         self._units: dict[str, str] = {}
         self.dimension = int(self.summary.get("dimension") or self.document.get("dimension") or 2)
         self.spacing = float(self.summary.get("spacing") or self.document.get("spacing") or float("nan"))
@@ -133,6 +134,11 @@ class Results:
     def __repr__(self) -> str:
         span = f", t = {self.times[0]:g} … {self.times[-1]:g} s" if len(self) else ""
         return f"<Results {str(self.path)!r}: {self.status}, {len(self)} frames{span}>"
+
+    def _repr_html_(self) -> str:
+        from spume.notebook import results_html
+
+        return results_html(self)
 
     # ------------------------------------------------------------------------------------------ frames
 
@@ -204,7 +210,7 @@ class Results:
             ModuleNotFoundError: a gauge is asked for and pandas is missing; `columns` does without it.
             RunFolderError: the gauge's file is damaged.
         """
-        return _Tables("gauge", self.gauge_names, lambda name: self._pandas(record.path(self.path, name)))
+        return _Tables("gauge", self.gauge_names, self._pandas)
 
     @cached_property
     def gauge_names(self) -> tuple[str, ...]:
@@ -221,7 +227,7 @@ class Results:
             ModuleNotFoundError: pandas is missing; `columns` does without it.
             RunFolderError: there is no ``log.csv``, or it is damaged.
         """
-        return self._pandas(self.path / log.FILE)
+        return self._pandas(None)
 
     def columns(self, name: str | None = None) -> tuple[dict[str, NDArray[np.float64]], dict[str, str]]:
         """Return the columns of a gauge, or of the log without a name, as NumPy arrays, and their units.
@@ -229,11 +235,14 @@ class Results:
         Raises:
             RunFolderError: there is no such file, or it is damaged.
         """
-        file = self.path / log.FILE if name is None else record.path(self.path, name)
-        try:
-            return read_columns(file)
-        except ValueError as error:
-            raise RunFolderError(self.path, str(error)) from error
+        if name not in self._tables:
+            file = self.path / log.FILE if name is None else record.path(self.path, name)
+            try:
+                self._tables[name] = read_columns(file)
+            except ValueError as error:
+                raise RunFolderError(self.path, str(error)) from error
+        columns, units = self._tables[name]
+        return dict(columns), dict(units)
 
     @cached_property
     def reference(self) -> Mapping[str, tuple[pd.DataFrame, ...]]:
@@ -300,12 +309,9 @@ class Results:
             made.append(table)
         return tuple(made)
 
-    def _pandas(self, file: Path) -> pd.DataFrame:
+    def _pandas(self, name: str | None) -> pd.DataFrame:
         pandas = _pandas()
-        try:
-            columns, units = read_columns(file)
-        except ValueError as error:
-            raise RunFolderError(self.path, str(error)) from error
+        columns, units = self.columns(name)
         table = pandas.DataFrame(columns)
         table.attrs["units"] = units
         return table

@@ -7,14 +7,19 @@ from typing import Annotated
 
 import typer
 
-from spume.cli.app import answers, app, new_console
+from spume.cli.app import answers, app, complete_case, new_console
 
 
 @app.command()
 @answers
 def cite(
     run: Annotated[
-        str, typer.Argument(metavar="RUN|CASE", help="A run folder, a case file, or the name of a built-in case.")
+        str,
+        typer.Argument(
+            metavar="RUN|CASE",
+            help="A run folder, a case file, or the name of a built-in case (spume cases).",
+            autocompletion=complete_case,
+        ),
     ],
     out: Annotated[Path | None, typer.Option(help="BibTeX file to write. Default: the terminal.")] = None,
 ) -> None:
@@ -23,7 +28,6 @@ def cite(
     Measurements that gauges are compared with are cited as well, where their publication is known.
 
     Examples:
-
       spume cite dam-break
       spume cite my-run --out references.bib
     """

@@ -31,7 +31,12 @@ def new_scheme(
         Path | None, typer.Option(help="File to write, for a package of your own. Default: in the family's folder.")
     ] = None,
 ) -> None:
-    """Write a model that works: a copy of the plainest of its family, to be changed, and its claims entry."""
+    """Write a model that works: a copy of the plainest of its family, to be changed, and its claims entry.
+
+    Examples:
+      spume new-scheme gradient my-gradient
+      spume new-scheme weight my-weight --from wendland --out my_weight.py
+    """
     from spume import named
 
     named.load_all()
