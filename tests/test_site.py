@@ -1,12 +1,14 @@
 """The pages that are generated are what would be generated now, and describe every key and option there is."""
 
 import re
+import shlex
 import sys
 from pathlib import Path
 
 import pytest
 import typer
 
+from pages import check_options
 from spume.case import schema
 from spume.cli import app
 
@@ -64,3 +66,11 @@ def test_every_option_of_the_command_line_is_one():
         printed = set(re.findall(r"`(-[\w-]+)`", section))
         there = {o for p in commands[name].params for o in (*p.opts, *p.secondary_opts) if o.startswith("-")}
         assert printed == there - {"--help", "-h"}, name
+
+
+def test_the_examples_of_the_command_line_are_understood():
+    text = (DOCS / "reference" / "command-line.md").read_text("utf-8")
+    examples = re.findall(r"^    spume (.*)$", text, re.MULTILINE)
+    assert len(examples) > 5
+    for example in examples:
+        check_options(shlex.split(example.split(" > ")[0]))
