@@ -109,21 +109,27 @@ PRESSURE = Equation(
 
 
 class LinearSystem:
-    """A sparse matrix over the rows of the table, in the slots of the neighbour list.
+    """A sparse matrix over the rows of the table, in compressed rows.
+
+    One thread fills a stretch of rows, whose entries lie packed from the first slot of the stretch in the neighbour
+    list: with one thread all entries lie behind each other.
 
     Args:
         solution, state, diagonal, rhs, length, grounded: names of the fields that hold the system's values.
+        single: whether coefficients are rounded to single precision, whatever that of the run, and stored so. The
+            diagonal is then made of the rounded ones, in the run's precision: a system whose pairs have weights
+            that differ by 6e-8, and whose products move two thirds of the bytes.
 
     Attributes:
         column: row numbers of the entries.
         value: entries beside the diagonal.
-        start: first slot of each row, shared with the neighbour list.
+        start: first slot of each row.
         symmetric: whether the matrix assembled last is symmetric.
     """
 
     def __init__(
         self, solution: str = "pressure", state: str = "row_state", diagonal: str = "diagonal", rhs: str = "rhs",
-        length: str = "row_length", grounded: str = "grounded",
+        length: str = "row_length", grounded: str = "grounded", *, single: bool = False,
     ) -> None:  # fmt: skip
         self.solution, self.state, self.diagonal = solution, state, diagonal
         self.rhs, self.length, self.grounded = rhs, length, grounded
@@ -131,7 +137,13 @@ class LinearSystem:
         self.value: Any = None
         self.start: Any = None
         self.symmetric = True
-        self._slots = 0
+        self._single = single
+        self._slots = self._rows = 0
+
+    @property
+    def real(self) -> Any:
+        """The type of the entries in the kernel language."""
+        return kernels.f32 if self._single else kernels.runtime().real
 
     def assemble(
         self, laplacian: Laplacian, lattice: Lattice, particles: Particles, pairs: Pairs, *, over: int = ANY,
@@ -147,8 +159,10 @@ class LinearSystem:
         if slots != self._slots:
             self._slots = slots
             self.column = kernels.array(kernels.i32, slots)
-            self.value = kernels.array(kernels.runtime().real, slots)
-        self.start = pairs.list.start
+            self.value = kernels.array(self.real, slots)
+        if particles.capacity != self._rows:
+            self._rows = particles.capacity
+            self.start = kernels.array(kernels.i32, self._rows)
         self.symmetric = laplacian.symmetric
         laplacian.prepare(lattice, particles, pairs, over)
         terms = laplacian.terms()
@@ -160,26 +174,35 @@ class LinearSystem:
         )
         kernel = _assembly_kernel(
             terms, equation, signature, near, own, laplacian.weight.function(), particles.dimension, pairs.periodic,
-            len(arguments),
+            len(arguments), self.real,
         )  # fmt: skip
         kernel(
             particles["position"], particles[self.state], particles[self.diagonal], particles[self.rhs],
             particles[self.length], particles[self.grounded],
-            pairs.list.start, pairs.list.length, pairs.list.neighbour, self.column, self.value,
+            pairs.list.start, pairs.list.length, pairs.list.neighbour, self.start, self.column, self.value,
             *[particles[n] for n in (*near, *own)],
-            particles.active, laplacian.radius(lattice), laplacian.scale(lattice), *arguments,
-            *pairs.list.period,
+            particles.active, _stretches(particles.active), laplacian.radius(lattice), laplacian.scale(lattice),
+            *arguments, *pairs.list.period,
         )  # fmt: skip
 
     def bytes(self) -> int:
         """Return the memory of the entries [bytes]."""
-        return self._slots * (4 + kernels.runtime().dtype().itemsize)
+        width = 4 if self.real == kernels.f32 else 8
+        return self._slots * (4 + width) + 4 * self._rows
+
+
+def _stretches(rows: int) -> int:
+    """Return into how many stretches of rows the assembly is split."""
+    runtime = kernels.runtime()
+    if runtime.device != "cpu":
+        return max(rows, 1)
+    return 1 if runtime.serial else 16 * runtime.threads
 
 
 @kernels.cached
 def _assembly_kernel(
     terms: Terms, equation: Equation, signature: Signature, near: tuple[str, ...], own: tuple[str, ...], weight: Any,
-    d: int, periodic: tuple[bool, ...], n_arguments: int,
+    d: int, periodic: tuple[bool, ...], n_arguments: int, value: Any,
 ) -> Any:  # fmt: skip
     """Generate the assembly for one Laplacian model and one equation."""
     Own, loading_own = load(signature, (*near, *own))
@@ -191,78 +214,86 @@ def _assembly_kernel(
         "serial": kernels.runtime().serial, "Vector": kernels.vector(d),
         "Vectors": kernels.array_type(kernels.vector(d)),
         "Starts": kernels.array_type(kernels.i64), "Rows": kernels.array_type(kernels.i32),
-        "Reals": kernels.array_type(real), "missing": terms.diagonal,
-        "leaning": terms.rhs, **vars(equation),
+        "Reals": kernels.array_type(real), "Values": kernels.array_type(value), "entry": value,
+        "missing": terms.diagonal, "leaning": terms.rhs, **vars(equation),
     }  # fmt: skip
     parameters = [
         "position: Vectors", "state: Rows", "out_diagonal: Reals", "out_rhs: Reals", "out_length: Rows",
-        "out_grounded: Rows", "start: Starts", "length: Rows", "neighbour: Rows", "column: Rows", "value: Reals",
+        "out_grounded: Rows", "start: Starts", "length: Rows", "neighbour: Rows", "out_start: Rows", "column: Rows",
+        "value: Values",
     ]  # fmt: skip
     for n in (*near, *own):
         scope[f"In_{n}"] = kernels.array_type(types[n])
         parameters.append(f"in_{n}: In_{n}")
     arguments = [f"argument{k}" for k in range(n_arguments)]
-    parameters += ["count: qd.i32", "re: real", "scale: real"]
+    parameters += ["count: qd.i32", "parts: qd.i32", "re: real", "scale: real"]
     parameters += [f"{n}: real" for n in (*arguments, *[f"period{k}" for k in range(d)])]
     of_equation = "".join(f", {n}" for n in arguments)
     missing = terms.diagonal is not None and equation.outside is not None
     leaning = terms.rhs is not None
     lines = [
         f"def assemble({', '.join(parameters)}):",
-        "    qd.loop_config(serialize=serial)",
-        "    for i in range(count):",
-        "        used = 0",
-        "        tied = 0",
-        "        total = qd.cast(1, real)",
-        "        summed = qd.cast(0, real)",
-        f"        if state[i] == {UNKNOWN}:",
-        f"            a = {loading_own.replace('Row(', 'Own(').format(row='i')}",
-        "            first = start[i]",
-        "            x = position[i]",
-        f"            total = diagonal(a{of_equation})",
-        f"            summed = right(a{of_equation})",
+        "    qd.loop_config(serialize=serial, block_dim=1)",
+        "    for part in range(parts):",
+        "        begin = qd.cast(qd.cast(count, qd.i64) * part // parts, qd.i32)",
+        "        end = qd.cast(qd.cast(count, qd.i64) * (part + 1) // parts, qd.i32)",
+        "        cursor = qd.cast(start[begin], qd.i32)",
+        "        for i in range(begin, end):",
+        "            used = 0",
+        "            tied = 0",
+        "            total = qd.cast(1, real)",
+        "            summed = qd.cast(0, real)",
+        f"            if state[i] == {UNKNOWN}:",
+        f"                a = {loading_own.replace('Row(', 'Own(').format(row='i')}",
+        "                first = start[i]",
+        "                x = position[i]",
+        f"                total = diagonal(a{of_equation})",
+        f"                summed = right(a{of_equation})",
         *(
             [
-                "            absent = scale * row(a) * missing(a)",
-                "            total += absent",
-                "            summed += absent * outside(a)",
+                "                absent = scale * row(a) * missing(a)",
+                "                total += absent",
+                "                summed += absent * outside(a)",
             ]
             if missing
             else []
         ),
-        *(["            lean = Vector(0.0)"] if leaning else []),
-        "            if total > 0:",
-        "                tied = 1",
-        "            for k in range(length[i]):",
-        "                j = neighbour[first + k]",
-        "                r = position[j] - x",
-        *[f"                {line}" for line in minimum_image(periodic)],
-        "                rr = r.dot(r)",
-        f"                if rr < re * re and state[j] != {ABSENT}:",
-        f"                    b = {loading_near.replace('Row(', 'Near(').format(row='j')}",
-        "                    c = scale * coefficient(a, b, r, weight(qd.sqrt(rr), re))",
-        "                    c *= pair(a, b)",
-        *(["                    lean += c * r"] if leaning else []),
-        f"                    if state[j] == {UNKNOWN}:",
-        "                        column[first + used] = j",
-        "                        value[first + used] = -c",
-        "                        used += 1",
-        "                        total += c",
-        f"                    elif state[j] == {KNOWN}:",
-        "                        total += c",
-        "                        summed += c * known(b)",
-        "                        tied = 1",
-        "                    else:",
-        "                        summed += c * flux(a, b, r)",
-        *(["                        total += c * flux_share(a, b, r)"] if equation.flux_share else []),
-        *(["            summed += leaning(a, lean)"] if leaning else []),
+        *(["                lean = Vector(0.0)"] if leaning else []),
+        "                if total > 0:",
+        "                    tied = 1",
+        "                for k in range(length[i]):",
+        "                    j = neighbour[first + k]",
+        "                    r = position[j] - x",
+        *[f"                    {line}" for line in minimum_image(periodic)],
+        "                    rr = r.dot(r)",
+        f"                    if rr < re * re and state[j] != {ABSENT}:",
+        f"                        b = {loading_near.replace('Row(', 'Near(').format(row='j')}",
+        "                        c = scale * coefficient(a, b, r, weight(qd.sqrt(rr), re))",
+        "                        c *= pair(a, b)",
+        *(["                        c = qd.cast(qd.cast(c, entry), real)"] if value != real else []),
+        *(["                        lean += c * r"] if leaning else []),
+        f"                        if state[j] == {UNKNOWN}:",
+        "                            column[cursor + used] = j",
+        "                            value[cursor + used] = qd.cast(-c, entry)",
+        "                            used += 1",
+        "                            total += c",
+        f"                        elif state[j] == {KNOWN}:",
+        "                            total += c",
+        "                            summed += c * known(b)",
+        "                            tied = 1",
+        "                        else:",
+        "                            summed += c * flux(a, b, r)",
+        *(["                            total += c * flux_share(a, b, r)"] if equation.flux_share else []),
+        *(["                summed += leaning(a, lean)"] if leaning else []),
         # A row that is tied to nothing has the value zero: its equation would be 0 x = right.
-        "            if total == 0.0:",
-        "                total = qd.cast(1, real)",
-        "                summed = qd.cast(0, real)",
-        "        out_diagonal[i] = total",
-        "        out_rhs[i] = summed",
-        "        out_length[i] = used",
-        "        out_grounded[i] = tied",
+        "                if total == 0.0:",
+        "                    total = qd.cast(1, real)",
+        "                    summed = qd.cast(0, real)",
+        "            out_diagonal[i] = total",
+        "            out_rhs[i] = summed",
+        "            out_length[i] = used",
+        "            out_start[i] = cursor",
+        "            cursor += used",
+        "            out_grounded[i] = tied",
     ]
     return kernels.compiled("assemble", "\n".join(lines) + "\n", **scope)
