@@ -23,7 +23,7 @@ class StabilisedBiconjugateGradient(Solver, name="bicgstab"):
 
     def __call__(self, system: LinearSystem, particles: Particles) -> Solution:
         """Solve for the unknown rows of the system."""
-        start, iterate = _kernels()
+        start, iterate = _kernels(system.real)
         partial, scalars, running = _workspace()
         vectors = [
             particles[system.solution],
@@ -56,9 +56,9 @@ def _workspace() -> Any:
 
 
 @kernels.cached
-def _kernels() -> Any:
+def _kernels(entry: Any) -> Any:
     real = kernels.runtime().real
-    Reals, Rows, Starts = (kernels.array_type(t) for t in (real, kernels.i32, kernels.i64))
+    Reals, Values, Rows = (kernels.array_type(t) for t in (real, entry, kernels.i32))
     Flag = kernels.qd.types.ndarray(dtype=kernels.i32, ndim=0)
     serial, qd, blocks = kernels.runtime().serial, kernels.qd, BLOCKS
 
@@ -74,17 +74,17 @@ def _kernels() -> Any:
         return s
 
     @kernels.func
-    def row_product(start: Starts, length: Rows, column: Rows, value: Reals, diagonal: Reals, x: Reals, i: kernels.i32):  # type: ignore[no-untyped-def]
+    def row_product(start: Rows, length: Rows, column: Rows, value: Values, diagonal: Reals, x: Reals, i: kernels.i32):  # type: ignore[no-untyped-def]
         product = diagonal[i] * x[i]
         first = start[i]
-        for k in range(length[i]):
-            product += value[first + k] * x[column[first + k]]
+        for k in range(first, first + length[i]):
+            product += value[k] * x[column[k]]
         return product
 
     # scalars: 0 b.b, 1 r.r, 2 rho, 3 beta, 4 iterations, 5 omega
     @kernels.kernel
     def start_bicgstab(
-        start: Starts, length: Rows, column: Rows, value: Reals,
+        start: Rows, length: Rows, column: Rows, value: Values,
         x: Reals, diagonal: Reals, r: Reals, shadow: Reals, p: Reals, v: Reals, s: Reals, t: Reals, y: Reals,
         rhs: Reals, state: Rows, partial: Reals, scalars: Reals, running: Flag, tolerance: real, count: kernels.i32,
     ):  # fmt: skip
@@ -116,7 +116,7 @@ def _kernels() -> Any:
 
     @kernels.qd.kernel(graph=True)
     def iterate_bicgstab(
-        start: Starts, length: Rows, column: Rows, value: Reals,
+        start: Rows, length: Rows, column: Rows, value: Values,
         x: Reals, diagonal: Reals, r: Reals, shadow: Reals, p: Reals, v: Reals, s: Reals, t: Reals, y: Reals,
         partial: Reals, scalars: Reals, running: Flag, tolerance: real, largest: kernels.i32, count: kernels.i32,
     ):  # fmt: skip

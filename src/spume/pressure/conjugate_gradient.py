@@ -12,8 +12,6 @@ from spume.pressure.matrix import UNKNOWN, LinearSystem
 BLOCKS = 128
 """Sums are made of this many partial sums, whatever the number of threads: the same bits every time."""
 
-_VECTORS = ("cg_residual", "cg_direction", "cg_product")
-
 
 class ConjugateGradient(Solver, name="cg"):
     """Preconditioned conjugate gradients (Hestenes & Stiefel 1952), preconditioner: the diagonal.
@@ -24,6 +22,7 @@ class ConjugateGradient(Solver, name="cg"):
     ids: ClassVar = ("A4",)
     reference: ClassVar = "hestenes1952"
     symmetric_only: ClassVar = True
+    vectors: ClassVar = ("cg_residual", "cg_direction", "cg_product")
     needs: ClassVar = (
         Field("cg_residual", (), "1/s^2", "residual r"),
         Field("cg_direction", (), "Pa", "search direction p"),
@@ -32,9 +31,9 @@ class ConjugateGradient(Solver, name="cg"):
 
     def __call__(self, system: LinearSystem, particles: Particles) -> Solution:
         """Solve for the unknown rows of the system."""
-        start, iterate = _kernels()
+        start, iterate = _kernels(system.real)
         partial, scalars, running = _workspace()
-        vectors = [particles[n] for n in (system.solution, *_VECTORS, system.diagonal)]
+        vectors = [particles[n] for n in (system.solution, *self.vectors, system.diagonal)]
         matrix = [system.start, particles[system.length], system.column, system.value]
         start(
             *matrix, *vectors, particles[system.rhs], particles[system.state], partial, scalars, running,
@@ -79,7 +78,7 @@ def _workspace() -> Any:
 
 
 @kernels.cached
-def _kernels() -> Any:
+def _kernels(entry: Any) -> Any:
     """Return the kernels that start and that iterate.
 
     The stages of an iteration are functions of one block of rows. With several threads each stage is a
@@ -87,7 +86,7 @@ def _kernels() -> Any:
     plain loop, which costs a single launch per solve.
     """
     real = kernels.runtime().real
-    Reals, Rows, Starts = (kernels.array_type(t) for t in (real, kernels.i32, kernels.i64))
+    Reals, Values, Rows = (kernels.array_type(t) for t in (real, entry, kernels.i32))
     Flag = kernels.qd.types.ndarray(dtype=kernels.i32, ndim=0)
     serial, qd, blocks = kernels.runtime().serial, kernels.qd, BLOCKS
 
@@ -104,7 +103,7 @@ def _kernels() -> Any:
 
     @kernels.func
     def residual(
-        b: kernels.i32, start: Starts, length: Rows, column: Rows, value: Reals, x: Reals, r: Reals, p: Reals,
+        b: kernels.i32, start: Rows, length: Rows, column: Rows, value: Values, x: Reals, r: Reals, p: Reals,
         diagonal: Reals, rhs: Reals, state: Rows, partial: Reals, count: kernels.i32,
     ):  # fmt: skip
         rr = qd.cast(0, real)
@@ -115,8 +114,8 @@ def _kernels() -> Any:
             if state[i] == UNKNOWN:
                 first = start[i]
                 rest = rhs[i] - diagonal[i] * x[i]
-                for k in range(length[i]):
-                    rest -= value[first + k] * x[column[first + k]]
+                for k in range(first, first + length[i]):
+                    rest -= value[k] * x[column[k]]
                 bb += rhs[i] * rhs[i] + START_SHARE**2 * (diagonal[i] * x[i]) ** 2
             r[i] = rest
             p[i] = rest / diagonal[i]
@@ -128,15 +127,15 @@ def _kernels() -> Any:
 
     @kernels.func
     def product(
-        b: kernels.i32, start: Starts, length: Rows, column: Rows, value: Reals, p: Reals, q: Reals,
+        b: kernels.i32, start: Rows, length: Rows, column: Rows, value: Values, p: Reals, q: Reals,
         diagonal: Reals, partial: Reals, count: kernels.i32,
     ):  # fmt: skip
         pq = qd.cast(0, real)
         for i in range(bound(b, count), bound(b + 1, count)):
             s = diagonal[i] * p[i]
             first = start[i]
-            for k in range(length[i]):
-                s += value[first + k] * p[column[first + k]]
+            for k in range(first, first + length[i]):
+                s += value[k] * p[column[k]]
             q[i] = s
             pq += p[i] * s
         partial[b] = pq
@@ -174,7 +173,7 @@ def _kernels() -> Any:
 
     @kernels.kernel
     def start_cg(
-        start: Starts, length: Rows, column: Rows, value: Reals,
+        start: Rows, length: Rows, column: Rows, value: Values,
         x: Reals, r: Reals, p: Reals, q: Reals, diagonal: Reals, rhs: Reals, state: Rows,
         partial: Reals, scalars: Reals, running: Flag, tolerance: real, count: kernels.i32,
     ):  # fmt: skip
@@ -191,7 +190,7 @@ def _kernels() -> Any:
 
     @kernels.kernel
     def iterate_in_one_thread(
-        start: Starts, length: Rows, column: Rows, value: Reals,
+        start: Rows, length: Rows, column: Rows, value: Values,
         x: Reals, r: Reals, p: Reals, q: Reals, diagonal: Reals,
         partial: Reals, scalars: Reals, running: Flag, tolerance: real, largest: kernels.i32, count: kernels.i32,
     ):  # fmt: skip
@@ -208,7 +207,7 @@ def _kernels() -> Any:
 
     @kernels.qd.kernel(graph=True)
     def iterate(
-        start: Starts, length: Rows, column: Rows, value: Reals,
+        start: Rows, length: Rows, column: Rows, value: Values,
         x: Reals, r: Reals, p: Reals, q: Reals, diagonal: Reals,
         partial: Reals, scalars: Reals, running: Flag, tolerance: real, largest: kernels.i32, count: kernels.i32,
     ):  # fmt: skip
