@@ -18,6 +18,7 @@ sys.path.insert(0, str(DOCS.parent / "tests"))
 
 import measured  # noqa: E402
 from spume import kernels  # noqa: E402
+from spume.citation import bibliography  # noqa: E402
 from spume.named import Scheme, to_table  # noqa: E402
 
 TITLES = {
@@ -33,8 +34,7 @@ WAVE = f"wave of {2 * 3.14159265 / measured.WAVE_NUMBER:.0f} l0"
 def publications() -> dict[str, str]:
     """Return each entry of references.bib as one line of text, by its key."""
     found = {}
-    text = (DOCS / "references.bib").read_text(encoding="utf-8")
-    for key, body in re.findall(r"^@\w+\{([^,\s]+),(.*?)^\}", text, re.MULTILINE | re.DOTALL):
+    for key, body in bibliography().items():
         fields = dict(re.findall(r"(\w+)\s*=\s*\{(.*?)\}\s*,?\s*$", body, re.MULTILINE | re.DOTALL))
         place = fields.get("journal") or fields.get("booktitle") or fields.get("publisher") or fields.get("school", "")
         where = " ".join(filter(None, [place, fields.get("volume", "")]))

@@ -274,6 +274,24 @@ class Case(Parameters):
 
         return run(self, folder, **options)
 
+    def plot(self, colour: str | None = None, *, dpi: int = 110, **settings: Any) -> Any:
+        """Return matplotlib's figure of the particles at the start; see `spume.simulation.Simulation.plot`.
+
+        Raises:
+            CaseError: the case cannot be set up.
+        """
+        from spume.build import initial_rows, initial_snapshot
+        from spume.outputs.pictures import frame_of, plot
+
+        snapshot = initial_snapshot(self, initial_rows(self))
+        chosen = colour or ("speed" if snapshot["velocity"].any() else "pressure")  # one colour would show nothing
+        return plot(frame_of(snapshot, None if chosen == "speed" else chosen), chosen, dpi, settings, self.title)
+
+    def _repr_html_(self) -> str:
+        from spume.notebook import case_html
+
+        return case_html(self)
+
     def table(self) -> dict[str, Any]:
         """Return the completed case as the tables of a case file, every key with its value."""
         document: dict[str, Any] = _without_none(self.model_dump())

@@ -35,6 +35,7 @@ class Clock:
     dt: float = 0.0
     limiter: str = ""
     growth: float = field(default=1.2, repr=False)
+    """Largest ratio of a step to the one before [1]."""
 
     @property
     def done(self) -> bool:

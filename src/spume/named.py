@@ -149,7 +149,7 @@ class Scheme(Parameters):
     ids: ClassVar[tuple[str, ...]] = ()
     """Rows of the review's table of systems (``A1`` … ``L11``) that this scheme implements."""
     reference: ClassVar[str] = ""
-    """Key of the publication in ``docs/references.bib``."""
+    """Key of the publication in ``src/spume/references.bib``."""
     order: ClassVar[int | None] = None
     """Degree of the polynomials reproduced on any arrangement of particles; None where it has no meaning."""
     conserves: ClassVar[frozenset[str]] = frozenset()

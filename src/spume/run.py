@@ -9,7 +9,7 @@ import threading
 import time as wall
 import tomllib
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,11 +20,13 @@ from spume.case import Case, load
 from spume.outputs import Outputs, outputs_of
 from spume.outputs.disk import replace_text
 from spume.progress import Progress
+from spume.toml import flattened
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from spume.outputs.checkpoint import Saved
+    from spume.results import Results
     from spume.simulation import Simulation
 
 log = logging.getLogger("spume")
@@ -73,6 +75,13 @@ class Run:
     failure: dict[str, Any] | None = None
     whole: bool = True
     hurried: bool = False
+
+    @property
+    def results(self) -> Results:
+        """What the run has written so far, read back."""
+        from spume.results import Results
+
+        return Results(self.folder)
 
 
 def run_folder(name: str, parent: Path | None = None) -> Path:
@@ -269,8 +278,8 @@ def _check_changes(case: Case, saved: Saved, folder: Path) -> None:
     """Refuse a case that differs from the one that was saved in more than a continued run may change."""
     from spume.outputs.checkpoint import CheckpointError
 
-    before = dict(_flat(tomllib.loads(saved.case)))
-    now = dict(_flat(tomllib.loads(case.to_toml())))
+    before = dict(flattened(tomllib.loads(saved.case)))
+    now = dict(flattened(tomllib.loads(case.to_toml())))
     for key in dict.fromkeys((*before, *now)):
         if before.get(key) != now.get(key) and not any(key == k or key.startswith(k + ".") for k in CHANGEABLE):
             given = f"{key} = {now[key]!r}" if key in now else key
@@ -280,18 +289,6 @@ def _check_changes(case: Case, saved: Saved, folder: Path) -> None:
                 f"{given}: was {was} when the checkpoint was written; a run that is continued may change only "
                 f"{', '.join(CHANGEABLE)}. For another case start another run",
             )
-
-
-def _flat(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield dotted key and value of everything in a table."""
-    if isinstance(value, Mapping):
-        for name, item in value.items():
-            yield from _flat(item, f"{key}.{name}" if key else str(name))
-    elif isinstance(value, list) and any(isinstance(item, Mapping) for item in value):
-        for index, item in enumerate(value):
-            yield from _flat(item, f"{key}.{index}")
-    else:
-        yield key, value
 
 
 # --------------------------------------------------------------------------------------- stopping a run

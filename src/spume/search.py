@@ -124,7 +124,7 @@ class NeighbourList:
         return removed
 
     def state(self, particles: Particles) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-        """Return numbers and arrays from which `restore` makes this list again."""
+        """Return numbers and arrays, shape (rows,) or (rows, d), from which `restore` makes this list again."""
         numbers: dict[str, Any] = {
             "lower": self.lower.tolist(),
             "upper": self.upper.tolist(),
@@ -141,7 +141,7 @@ class NeighbourList:
         return numbers, {"built": np.array(kernels.host(self._built)[: particles.count])}
 
     def restore(self, particles: Particles, numbers: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
-        """Make the list of `state` again: from the positions and the cells of its last build, not the present ones."""
+        """Make the list of `state` again, from arrays of its shapes: the positions and cells of its last build."""
         self.lower, self.upper = np.array(numbers["lower"]), np.array(numbers["upper"])
         self.builds, self._updates = int(numbers["builds"]), int(numbers["updates"])
         self.current_skin = float(numbers["current_skin"])

@@ -60,7 +60,7 @@ class Reference(Parameters):
     """Largest time shift allowed, in the reference's unit. One common shift, the one with the smallest
     errors, is applied to all references that allow one (a gate is not instantaneous), and reported."""
     peak_band: tuple[float, float] | None = None
-    """Band of the peak over repeated experiments; default: the peaks of ``lower`` and ``upper``."""
+    """Band of the peak over repeated experiments, in the reference's unit; default: peaks of ``lower``, ``upper``."""
     source: str = ""
     """Publication, as cited in pictures."""
 
@@ -100,7 +100,13 @@ class Reference(Parameters):
 
 @dataclass(frozen=True)
 class Series:
-    """A series in time, with the band of repeated experiments where there is one."""
+    """A series in time, with the band of repeated experiments where there is one.
+
+    Attributes:
+        time: instants, in the reference's unit, shape (instants,).
+        value: values there, in the reference's unit, shape (instants,).
+        lower, upper: edges of the band, shape (instants,), or None.
+    """
 
     time: NDArray[np.float64]
     value: NDArray[np.float64]
@@ -156,7 +162,7 @@ class Comparison:
 
 
 def first_crossing(time: NDArray[np.float64], value: NDArray[np.float64], threshold: float) -> float | None:
-    """Return when a series first crosses a threshold, from the side on which it begins; None if never."""
+    """Return when a series, shape (instants,), first crosses a threshold from where it begins; None if never."""
     good = np.isfinite(value)
     time, value = time[good], value[good]
     if len(value) == 0:
@@ -185,7 +191,11 @@ def compare(references: Sequence[Reference], folder: Path) -> list[Comparison]:
 
 
 def simulated(reference: Reference, folder: Path) -> Series:
-    """Return a gauge's series from a run folder, in the reference's units and without time shift."""
+    """Return a gauge's series from a run folder, in the reference's units and without time shift.
+
+    Raises:
+        ValueError: the gauge does not measure what the reference is compared with.
+    """
     file = gauge_path(folder, reference.gauge)
     columns, _ = read_columns(file)
     names = [n for n in columns if n != "time"]

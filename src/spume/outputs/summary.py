@@ -12,6 +12,7 @@ import numpy as np
 from spume.outputs.disk import replace_text
 from spume.outputs.frames import _version
 from spume.outputs.log import Log, is_count
+from spume.outputs.machine import environment
 from spume.outputs.output import Output, Outputs, RunLike
 from spume.outputs.reference import Compare
 
@@ -25,8 +26,9 @@ class Summary(Output):
     ``wall_time_steps`` that of the steps without outputs and without the compilation of kernels: what the
     first three steps of a process took beyond the median of the others is ``wall_time_compilation``.
     ``us_per_fluid_particle_step`` is ``wall_time_steps`` over the sum of fluid particles over all steps.
-    ``volume_drift`` is relative to the first step. In a run that was continued all of them are those of the
-    work that was kept: what came after a checkpoint and was lost is not counted.
+    ``volume_drift`` is relative to the first step; ``environment`` is that of the last process. In a run that was
+    continued all times and counts are those of the work that was kept: what came after a checkpoint and was lost
+    is not counted.
     """
 
     def __init__(self, log: Log, compare: Compare) -> None:
@@ -42,6 +44,7 @@ class Summary(Output):
         self._limiters: dict[str, int] = {}
         self._sessions = 1
         self._memory = 0
+        self._environment = environment()
 
     def start(self, run: RunLike) -> None:
         snapshot = run.simulation.snapshot()
@@ -114,6 +117,7 @@ class Summary(Output):
             "peak_memory_bytes": max(self._memory, peak_memory() or 0) or None,
             "volume_drift": drift,
             "counts": self._limiters,
+            "environment": self._environment,
             "stage_times": {k: float(v) for k, v in getattr(simulation, "stage_times", {}).items()},
             "comparison": [c.to_json() for c in self.compare.results],
         }

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spume.outputs.disk import Sink, need_room
-from spume.outputs.snapshot import Snapshot
+from spume.outputs.snapshot import FLUID, WALL, Snapshot
 
 DEFAULT_FIELDS = (
     "velocity",
@@ -302,7 +302,7 @@ class Frame:
 
     time: float
     index: int
-    arrays: dict[str, NDArray[Any]]
+    arrays: Mapping[str, NDArray[Any]]
     spacing: float
     dimension: int
     units: dict[str, str]
@@ -312,6 +312,66 @@ class Frame:
 
     def __contains__(self, name: str) -> bool:
         return name in self.arrays
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    def __repr__(self) -> str:
+        return f"<Frame {self.index}: t = {self.time:g} s, {len(self)} rows, {', '.join(self.fields)}>"
+
+    def _repr_html_(self) -> str:
+        from spume.notebook import frame_html
+
+        return frame_html(self)
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Names of the fields."""
+        return tuple(self.arrays)
+
+    def plot(self, colour: str | None = None, *, dpi: int = 110, **settings: Any) -> Any:
+        """Return matplotlib's figure of the particles; see `spume.simulation.Simulation.plot`."""
+        from spume.outputs.pictures import plot
+
+        return plot(self, colour, dpi, settings)
+
+    def to_meshio(self) -> Any:
+        """Return a ``meshio.Mesh`` with every field; see `spume.outputs.export.to_meshio`."""
+        from spume.outputs.export import to_meshio
+
+        return to_meshio(self)
+
+    def to_pyvista(self) -> Any:
+        """Return a ``pyvista.PolyData`` with every field; see `spume.outputs.export.to_pyvista`."""
+        from spume.outputs.export import to_pyvista
+
+        return to_pyvista(self)
+
+    def to_surface(self, colour: str = "speed") -> Any:
+        """Return the surface of the water in 3D as a mesh; see `spume.outputs.export.to_surface`."""
+        from spume.outputs.export import to_surface
+
+        return to_surface(self, colour)
+
+    @property
+    def position(self) -> NDArray[Any]:
+        """Positions of all rows [m], shape (rows, dimension)."""
+        return self["position"]
+
+    @property
+    def speed(self) -> NDArray[Any]:
+        """Speeds of all rows [m/s], shape (rows,)."""
+        return np.linalg.norm(self["velocity"], axis=1)
+
+    @property
+    def fluid(self) -> NDArray[np.bool_]:
+        """Mask of the fluid rows, shape (rows,)."""
+        return self["kind"] == FLUID
+
+    @property
+    def wall(self) -> NDArray[np.bool_]:
+        """Mask of the first solid layer, the rows that carry pressure, shape (rows,)."""
+        return self["kind"] == WALL
 
 
 class Reader:

@@ -24,7 +24,7 @@ class Components:
         self._floating = kernels.array(kernels.i32, 1)
 
     def project(self, system: LinearSystem, particles: Particles) -> list[NDArray[np.intp]]:
-        """Make the right side of each floating component sum to zero; return the components' rows."""
+        """Make the right side of each floating component sum to zero; return the components' rows, shape (rows,)."""
         kernel = _label_kernel()
         state, label = particles[system.state], particles["component"]
         _start_kernel()(state, label, particles.active)
@@ -53,7 +53,7 @@ class Components:
 
     @staticmethod
     def centre(components: list[NDArray[np.intp]], particles: Particles) -> None:
-        """Give the pressure of each floating component the mean zero."""
+        """Give the pressure of each floating component, its rows of shape (rows,), the mean zero."""
         if not components:
             return
         pressure = particles.numpy("pressure")
