@@ -123,11 +123,11 @@ class Case(Parameters):
     spacing: Positive
     """Spacing of the particles l0 [m]."""
     dimension: Literal[2, 3] = 2
-    """2: the x-y plane; 3: x, y, z with z up."""
+    """2: the x-y plane; 3: x, y, z with z up [1]."""
     device: Literal["cpu", "cuda", "vulkan", "metal", "amdgpu"] | None = None
     """Where to compute; default: the environment variable SPUME_DEVICE, else the processor."""
     threads: Annotated[int, Field(ge=1)] | None = None
-    """Processor threads; default: all that the process may use."""
+    """Processor threads [1]; default: all that the process may use."""
     precision: Literal["double", "single"] = "double"
     """Floating-point numbers of 8 or of 4 bytes."""
     time: Time

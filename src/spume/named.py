@@ -339,7 +339,7 @@ File = Annotated[
     Path,
     PlainValidator(_read_path),
     PlainSerializer(_write_path, return_type=str),
-    WithJsonSchema({"type": "string", "description": "path of a file, from the folder of the case file"}),
+    WithJsonSchema({"type": "string", "format": "path"}),
 ]
 """Type of a parameter that names an existing file, relative to the folder of the case file or, where
 there is none, to the folder of the built-in cases. It holds the absolute path."""
