@@ -18,13 +18,13 @@ sys.path.insert(0, str(DOCS.parent / "tests"))
 
 import measured  # noqa: E402
 from spume import kernels  # noqa: E402
-from spume.named import Scheme, to_table  # noqa: E402
+from spume.named import Scheme, attribute_docs, to_table  # noqa: E402
 
 TITLES = {
     "collision": "Collisions", "divergence": "Divergence", "free_surface": "Free surface", "gradient": "Gradient",
     "laplacian": "Laplacian", "number_density": "Number density", "shifting": "Particle shifting",
-    "source": "Source of the pressure equation", "turbulence": "Turbulence", "viscosity": "Viscosity",
-    "weight": "Weight functions",
+    "source": "Source of the pressure equation", "step": "Weakly compressible step", "turbulence": "Turbulence",
+    "viscosity": "Viscosity", "weight": "Weight functions",
 }  # fmt: skip
 MEASURED = ("gradient", "divergence", "laplacian")
 WAVE = f"wave of {2 * 3.14159265 / measured.WAVE_NUMBER:.0f} l0"
@@ -132,11 +132,11 @@ def two_digits(value: float) -> str:
 def rows_of_parameters(scheme: type[Scheme]) -> list[str]:
     """Return a table row for each parameter."""
     default = to_table(scheme()) if not any(f.is_required() for f in scheme.model_fields.values()) else {}
-    rows = []
-    for key, field in scheme.model_fields.items():
+    rows, docs = [], attribute_docs(scheme)
+    for key in scheme.model_fields:
         value = default.get(key, "")
         text = value.get("name", value) if isinstance(value, dict) else value
-        meaning = re.sub(r"\s+", " ", field.description or "").replace("``", "`").replace("|", "\\|")
+        meaning = re.sub(r"\s+", " ", docs[key]).replace("``", "`").replace("|", "\\|")
         rows.append(f"| `{key}` | {text} | {meaning} |")
     return rows
 

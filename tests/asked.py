@@ -4,6 +4,9 @@ import numpy as np
 
 from arrangements import table
 from reference.cloud import DT, DT_BEFORE
+from reference.step import SOUND, density_at_start
+from spume.domain import Domain
+from spume.gravity import Constant
 from spume.particles import FLUID
 from spume.pressure.matrix import SYSTEM_FIELDS, UNKNOWN, LinearSystem
 from spume.schemes.divergence.original import Original as OriginalDivergence
@@ -38,6 +41,7 @@ class Rows:
             )  # fmt: skip
             self.order = self.particles.numpy("id")
         self.particles.declare(field for part in nested(scheme) for field in getattr(part, "needs", ()))
+        self.particles.declare(getattr(scheme, "fields", ()))
         given = {"position": cloud.x, "velocity": cloud.u, "density": cloud.rho, "kinematic_viscosity": cloud.nu}
         if share is not None:
             given |= {"surface_share": share, "free_surface": share > 0.5}
@@ -141,6 +145,14 @@ def free_surface(scheme, cloud, share=None):
     return rows.get("surface_share")
 
 
+def step(scheme, cloud, share=None):
+    """Return the rate of the relative density over one weakly compressible step."""
+    before = density_at_start(cloud)
+    rows = Rows(scheme, cloud, share, relative_density=before, speed_of_sound=np.full(len(cloud), SOUND))
+    scheme(Domain(*rows.handles, bodies=(), gravity=Constant(vector=(0.0,) * cloud.d)), 0.0, DT)
+    return (rows.get("relative_density") - before) / DT
+
+
 def collision(scheme, cloud, share=None):
     rows = Rows(scheme, cloud, share)
     scheme(*rows.handles, DT)
@@ -155,5 +167,5 @@ def turbulence(scheme, cloud, share=None):
 ASK = {
     "collision": collision, "divergence": divergence, "free_surface": free_surface, "gradient": gradient,
     "laplacian": laplacian, "number_density": number_density, "shifting": shifting, "source": source,
-    "turbulence": turbulence, "viscosity": viscosity,
+    "step": step, "turbulence": turbulence, "viscosity": viscosity,
 }  # fmt: skip
