@@ -82,7 +82,8 @@ def given(name, entry, d):
         return checksum(scheme.values(0.11 + 0.09 * scattered(9, 2), 0.21))
     cloud = cloud_of(name, d)
     more = {"dt": DT} if family == "gradient" else {}
-    return checksum(asked.ASK[family](scheme, cloud, share=cloud.share, **more), compared(family, cloud))
+    ask = getattr(asked, entry["ask"]) if "ask" in entry else asked.ASK[family]
+    return checksum(ask(scheme, cloud, share=cloud.share, **more), compared(family, cloud))
 
 
 def each_value():
