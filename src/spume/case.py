@@ -46,7 +46,9 @@ class Time(Parameters):
     step_max: Positive | None = None
     """Largest time step [s]; default: no limit but the others'."""
     courant: Annotated[float, Field(gt=0, le=1)] = 0.2
-    """Courant number: the part of a spacing that the fastest particle moves in a step [1]."""
+    """Courant number: the part of a spacing by which two neighbours move against each other in a step [1]."""
+    travel: Annotated[float, Field(gt=0, le=2)] = 0.2
+    """Largest way of a particle in a step, as a multiple of the spacing [1]."""
 
 
 class Domain(Parameters):

@@ -319,11 +319,19 @@ class Particles:
 
     def smallest(self, name: str, rows: int = ANY) -> float:
         """Return the smallest value of a scalar field over active rows of the given kinds, 0 if there are none."""
+        return self._extreme(name, rows, False)
+
+    def largest(self, name: str, rows: int = ANY) -> float:
+        """Return the largest value of a scalar field over active rows of the given kinds, 0 if there are none."""
+        return self._extreme(name, rows, True)
+
+    def _extreme(self, name: str, rows: int, largest: bool) -> float:
         if self._partial is None:
             self._partial = kernels.array(kernels.runtime().real, _REDUCTION_BLOCKS)
-        _smallest_kernel()(self[name], self["kind"], self._partial, rows, self.active)
-        smallest = float(np.min(kernels.host(self._partial)))
-        return smallest if smallest < np.finfo(kernels.runtime().dtype).max else 0.0
+        _extreme_kernel(largest)(self[name], self["kind"], self._partial, rows, self.active)
+        found = kernels.host(self._partial)
+        value = float(found.max() if largest else found.min())
+        return value if abs(value) < np.finfo(kernels.runtime().dtype).max else 0.0
 
     def _grow(self, needed: int) -> None:
         if needed <= self.capacity:
@@ -445,14 +453,14 @@ def _total_kernel(integer: bool) -> Any:
 
 
 @kernels.cached
-def _smallest_kernel() -> Any:
+def _extreme_kernel(largest: bool) -> Any:
     real = kernels.runtime().real
     Values, Rows = (kernels.array_type(t) for t in (real, kernels.i32))
     serial, qd, blocks = kernels.runtime().serial, kernels.qd, _REDUCTION_BLOCKS
-    huge = float(np.finfo(kernels.runtime().dtype).max)
+    huge = float(np.finfo(kernels.runtime().dtype).max) * (-1.0 if largest else 1.0)
 
     @kernels.kernel
-    def smallest(field: Values, kind: Rows, partial: Values, kinds: kernels.i32, count: kernels.i32):
+    def extreme(field: Values, kind: Rows, partial: Values, kinds: kernels.i32, count: kernels.i32):
         qd.loop_config(serialize=serial)
         for b in range(blocks):
             found = qd.cast(huge, real)
@@ -461,7 +469,10 @@ def _smallest_kernel() -> Any:
                 qd.cast(qd.cast(count, qd.i64) * (b + 1) // blocks, qd.i32),
             ):
                 if kind[i] & kinds != 0:
-                    found = qd.min(found, field[i])
+                    if kernels.static(largest):
+                        found = qd.max(found, field[i])
+                    else:
+                        found = qd.min(found, field[i])
             partial[b] = found
 
-    return smallest
+    return extreme
