@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 from spume import kernels
 from spume.particles import Field, Particles
 from spume.pressure.base import START_SHARE, Solution, Solver
-from spume.pressure.conjugate_gradient import BLOCKS, solution
+from spume.pressure.conjugate_gradient import BLOCKS, floor, solution
 from spume.pressure.matrix import UNKNOWN, LinearSystem
 
 _VECTORS = ("residual", "shadow", "direction", "product", "middle", "middle_product", "scaled")
@@ -33,7 +33,7 @@ class StabilisedBiconjugateGradient(Solver, name="bicgstab"):
         matrix = [system.start, particles[system.length], system.column, system.value]
         start(
             *matrix, *vectors, particles[system.rhs], particles[system.state], partial, scalars, running,
-            self.tolerance, particles.active,
+            self.tolerance, floor(system, self), particles.active,
         )  # fmt: skip
         if int(kernels.host(running)) == 1:
             iterate(
@@ -86,7 +86,8 @@ def _kernels(entry: Any) -> Any:
     def start_bicgstab(
         start: Rows, length: Rows, column: Rows, value: Values,
         x: Reals, diagonal: Reals, r: Reals, shadow: Reals, p: Reals, v: Reals, s: Reals, t: Reals, y: Reals,
-        rhs: Reals, state: Rows, partial: Reals, scalars: Reals, running: Flag, tolerance: real, count: kernels.i32,
+        rhs: Reals, state: Rows, partial: Reals, scalars: Reals, running: Flag, tolerance: real, floor: real,
+        count: kernels.i32,
     ):  # fmt: skip
         qd.loop_config(serialize=serial)
         for b in range(blocks):
@@ -96,7 +97,7 @@ def _kernels(entry: Any) -> Any:
                 rest = qd.cast(0, real)
                 if state[i] == UNKNOWN:
                     rest = rhs[i] - row_product(start, length, column, value, diagonal, x, i)
-                    bb += rhs[i] * rhs[i] + START_SHARE**2 * (diagonal[i] * x[i]) ** 2
+                    bb += rhs[i] * rhs[i] + START_SHARE**2 * (diagonal[i] * x[i]) ** 2 + floor
                 r[i] = rest
                 shadow[i] = rest
                 p[i] = rest

@@ -37,7 +37,7 @@ class ConjugateGradient(Solver, name="cg"):
         matrix = [system.start, particles[system.length], system.column, system.value]
         start(
             *matrix, *vectors, particles[system.rhs], particles[system.state], partial, scalars, running,
-            self.tolerance, particles.active,
+            self.tolerance, floor(system, self), particles.active,
         )  # fmt: skip
         if int(kernels.host(running)) == 1:
             iterate(
@@ -51,6 +51,11 @@ class ConjugateGradient(Solver, name="cg"):
                 particles.active,
             )
         return solution(kernels.host(scalars), self)
+
+
+def floor(system: LinearSystem, solver: Solver) -> float:
+    """Return what a row adds to the square of the norm that the residual is relative to."""
+    return (system.negligible / solver.tolerance) ** 2
 
 
 def solution(scalars: Any, solver: Solver) -> Solution:
@@ -104,7 +109,7 @@ def _kernels(entry: Any) -> Any:
     @kernels.func
     def residual(
         b: kernels.i32, start: Rows, length: Rows, column: Rows, value: Values, x: Reals, r: Reals, p: Reals,
-        diagonal: Reals, rhs: Reals, state: Rows, partial: Reals, count: kernels.i32,
+        diagonal: Reals, rhs: Reals, state: Rows, partial: Reals, floor: real, count: kernels.i32,
     ):  # fmt: skip
         rr = qd.cast(0, real)
         rz = qd.cast(0, real)
@@ -116,7 +121,7 @@ def _kernels(entry: Any) -> Any:
                 rest = rhs[i] - diagonal[i] * x[i]
                 for k in range(first, first + length[i]):
                     rest -= value[k] * x[column[k]]
-                bb += rhs[i] * rhs[i] + START_SHARE**2 * (diagonal[i] * x[i]) ** 2
+                bb += rhs[i] * rhs[i] + START_SHARE**2 * (diagonal[i] * x[i]) ** 2 + floor
             r[i] = rest
             p[i] = rest / diagonal[i]
             rr += rest * rest
@@ -175,11 +180,11 @@ def _kernels(entry: Any) -> Any:
     def start_cg(
         start: Rows, length: Rows, column: Rows, value: Values,
         x: Reals, r: Reals, p: Reals, q: Reals, diagonal: Reals, rhs: Reals, state: Rows,
-        partial: Reals, scalars: Reals, running: Flag, tolerance: real, count: kernels.i32,
+        partial: Reals, scalars: Reals, running: Flag, tolerance: real, floor: real, count: kernels.i32,
     ):  # fmt: skip
         qd.loop_config(serialize=serial)
         for b in range(blocks):
-            residual(b, start, length, column, value, x, r, p, diagonal, rhs, state, partial, count)
+            residual(b, start, length, column, value, x, r, p, diagonal, rhs, state, partial, floor, count)
         qd.loop_config(serialize=True)
         for _ in range(1):
             scalars[0] = total(partial, 0)

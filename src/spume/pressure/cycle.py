@@ -217,7 +217,7 @@ def outer_stages(symmetric: bool, value: Any) -> Any:
     @kernels.func
     def residual(
         b: i32, parts: i32, level: Level, diagonal: Reals, x: Reals, rhs: Reals, r: Reals, p: Reals, q: Reals,  # type: ignore[valid-type]
-        partial: Reals, n: i32,  # type: ignore[valid-type]
+        partial: Reals, floor: real, n: i32,  # type: ignore[valid-type]
     ):  # fmt: skip
         bb = qd.cast(0, real)
         rr = qd.cast(0, real)
@@ -227,7 +227,7 @@ def outer_stages(symmetric: bool, value: Any) -> Any:
             rest = rhs[i] - diagonal[i] * x[i]
             for k in range(first, first + level.length[i]):
                 rest -= level.value[k] * x[level.column[k]]
-            bb += rhs[i] * rhs[i] + START_SHARE**2 * (diagonal[i] * x[i]) ** 2
+            bb += rhs[i] * rhs[i] + START_SHARE**2 * (diagonal[i] * x[i]) ** 2 + floor
             r[i] = rest
             level.right[i] = qd.cast(rest, f32)
             p[i] = 0
@@ -349,12 +349,12 @@ def solve_in_one_thread(symmetric: bool, value: Any) -> Any:
     def solve_by_multigrid(
         level: Level, coarse: Coarse, table: Rows, operations: Rows, length: i32, diagonal: Reals, x: Reals,  # type: ignore[valid-type]
         rhs: Reals, r: Reals, p: Reals, q: Reals, image: Reals, partial: Reals, scalars: Reals, tolerance: real,  # type: ignore[valid-type]
-        largest: i32,  # type: ignore[valid-type]
+        floor: real, largest: i32,  # type: ignore[valid-type]
     ):  # fmt: skip
         qd.loop_config(serialize=True)
         for _ in range(1):
             n = table[1]
-            o.residual(0, 1, level, diagonal, x, rhs, r, p, q, partial, n)
+            o.residual(0, 1, level, diagonal, x, rhs, r, p, q, partial, floor, n)
             o.begin(1, partial, scalars)
             while scalars[REST] > tolerance * tolerance * scalars[RIGHT] and scalars[ITERATIONS] < largest:
                 f.smooth(0, 1, level, 0, n)
@@ -385,11 +385,11 @@ def parallel_kernels(symmetric: bool, value: Any) -> Any:
     @kernels.kernel
     def start(
         level: Level, diagonal: Reals, x: Reals, rhs: Reals, r: Reals, p: Reals, q: Reals, partial: Reals,  # type: ignore[valid-type]
-        scalars: Reals, n: i32, parts: i32,  # type: ignore[valid-type]
+        scalars: Reals, floor: real, n: i32, parts: i32,  # type: ignore[valid-type]
     ):  # fmt: skip
         qd.loop_config(block_dim=1)
         for b in range(parts):
-            o.residual(b, parts, level, diagonal, x, rhs, r, p, q, partial, n)
+            o.residual(b, parts, level, diagonal, x, rhs, r, p, q, partial, floor, n)
         for _ in range(1):
             o.begin(parts, partial, scalars)
 

@@ -17,8 +17,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from spume import kernels
 from spume.lattice import Lattice
 from spume.pairs import Pairs, Signature, load, minimum_image
@@ -111,10 +109,9 @@ PRESSURE = Equation(
 
 
 class LinearSystem:
-    """A sparse matrix over the rows of the table, in compressed rows.
+    """A sparse matrix over the rows of the table, in compressed rows; only rows with an equation have entries.
 
-    One thread fills a stretch of rows, whose entries lie packed; stretches have as many slots as their unknown rows
-    have neighbours. With one thread all entries lie behind each other.
+    One thread fills a stretch of rows, whose entries lie packed: with one thread all entries lie behind each other.
 
     Args:
         solution, state, diagonal, rhs, length, grounded: names of the fields that hold the system's values.
@@ -127,6 +124,7 @@ class LinearSystem:
         value: entries beside the diagonal.
         start: first slot of each row.
         symmetric: whether the matrix assembled last is symmetric.
+        negligible: root mean square of the residual that may remain, in the unit of the right side.
     """
 
     def __init__(
@@ -139,9 +137,10 @@ class LinearSystem:
         self.value: Any = None
         self.start: Any = None
         self.symmetric = True
+        self.negligible = 0.0
         self._single = single
-        self._slots = self._rows = 0
-        self._first: Any = None
+        self._slots = 0
+        self._sums = kernels.array(kernels.i64, 1)
 
     @property
     def real(self) -> Any:
@@ -158,10 +157,7 @@ class LinearSystem:
             over: kinds of the rows that take part (those that are not ABSENT).
             arguments: numbers for the equation's ``diagonal`` and ``right``.
         """
-        stretches = self._place(particles, pairs)
-        if particles.capacity != self._rows:
-            self._rows = particles.capacity
-            self.start = kernels.array(kernels.i32, self._rows)
+        self._place(particles, pairs)
         self.symmetric = laplacian.symmetric
         laplacian.prepare(lattice, particles, pairs, over)
         terms = laplacian.terms()
@@ -178,75 +174,33 @@ class LinearSystem:
         kernel(
             particles["position"], particles[self.state], particles[self.diagonal], particles[self.rhs],
             particles[self.length], particles[self.grounded],
-            pairs.list.start, pairs.list.length, pairs.list.neighbour, self.start, self.column, self.value,
+            self.start, pairs.list.start, pairs.list.length, pairs.list.neighbour, self.column, self.value,
             *[particles[n] for n in (*near, *own)],
-            self._first, particles.active, stretches, laplacian.radius(lattice), laplacian.scale(lattice),
+            particles.active, _stretches(particles.active), laplacian.radius(lattice), laplacian.scale(lattice),
             *arguments, *pairs.list.period,
         )  # fmt: skip
 
-    def _place(self, particles: Particles, pairs: Pairs) -> int:
-        """Find the first slot of each stretch and make room; return the number of stretches."""
-        stretches = _stretches(particles.active)
-        if self._first is None or self._first.shape[0] < stretches + 1:
-            self._first = kernels.array(kernels.i32, stretches + 1)
-        if kernels.runtime().device == "cpu":
-            _counting_kernel(kernels.light(particles.active))(
-                particles[self.state], pairs.list.length, self._first, particles.active, stretches
-            )
-            first = kernels.host(self._first)
-            first[1 : stretches + 1] = np.cumsum(first[:stretches])
-            first[0] = 0
-            needed = int(first[stretches])
-        else:  # a stretch is a row there, and its numbers stay on the device
-            _list_slots_kernel()(pairs.list.start, self._first, stretches)
-            needed = int(pairs.list.neighbour.shape[0])
+    def _place(self, particles: Particles, pairs: Pairs) -> None:
+        """Make room: every row with an equation gets as many slots as it has neighbours, and no other row any."""
+        blocks = -(-particles.capacity // _ROWS_PER_BLOCK)
+        if self.start is None or self.start.shape[0] != particles.capacity:
+            self.start = kernels.array(kernels.i32, particles.capacity)
+            self._sums = kernels.array(kernels.i64, blocks + 1)
+        _placing_kernel(kernels.light(particles.active))(
+            particles[self.state], pairs.list.length, self.start, self._sums, particles.active
+        )
+        needed = int(kernels.host(self._sums)[-(-particles.active // _ROWS_PER_BLOCK)])
         if needed > self._slots or self.column is None:
-            self.column = self.value = None  # let go of the old ones first
+            # Let go of the old ones first: at ten million rows there is no room for both.
+            self.column = self.value = None
             self._slots = int(_MORE_SLOTS * needed) + 64
             self.column = kernels.array(kernels.i32, self._slots)
             self.value = kernels.array(self.real, self._slots)
-        return stretches
 
     def bytes(self) -> int:
-        """Return the memory of the entries [bytes]."""
-        width = 4 if self.real == kernels.f32 else 8
-        return self._slots * (4 + width) + 4 * self._rows
-
-
-_MORE_SLOTS = 1.1
-"""Slots that are made when there are too few, as a multiple of those that are needed."""
-
-
-@kernels.cached
-def _counting_kernel(serial: bool) -> Any:
-    Rows = kernels.array_type(kernels.i32)
-    qd = kernels.qd
-
-    @kernels.kernel
-    def count_slots(state: Rows, length: Rows, slots: Rows, count: kernels.i32, parts: kernels.i32):
-        qd.loop_config(serialize=serial, block_dim=1)
-        for part in range(parts):
-            begin = qd.cast(qd.cast(count, qd.i64) * part // parts, qd.i32)
-            end = qd.cast(qd.cast(count, qd.i64) * (part + 1) // parts, qd.i32)
-            total = 0
-            for i in range(begin, end):
-                total += qd.select(state[i] == UNKNOWN, length[i], 0)
-            slots[part] = total
-
-    return count_slots
-
-
-@kernels.cached
-def _list_slots_kernel() -> Any:
-    Rows, Starts = kernels.array_type(kernels.i32), kernels.array_type(kernels.i64)
-    qd = kernels.qd
-
-    @kernels.kernel
-    def list_slots(start: Starts, slots: Rows, parts: kernels.i32):
-        for part in range(parts):
-            slots[part] = qd.cast(start[part], qd.i32)
-
-    return list_slots
+        """Return the memory of the entries and their places [bytes]."""
+        places = 0 if self.start is None else 4 * self.start.shape[0] + 8 * self._sums.shape[0]
+        return places + self._slots * (4 + (4 if self._single else kernels.runtime().dtype().itemsize))
 
 
 def _stretches(rows: int) -> int:
@@ -255,6 +209,44 @@ def _stretches(rows: int) -> int:
     if runtime.device != "cpu":
         return max(rows, 1)
     return 1 if runtime.serial else 16 * runtime.threads
+
+
+_ROWS_PER_BLOCK = 64
+
+_MORE_SLOTS = 1.1
+"""Slots that are made when there are too few, as a multiple of those that are needed."""
+
+
+@kernels.cached
+def _placing_kernel(serial: bool) -> Any:
+    """Generate the exclusive sums of the rows' neighbours, over rows with an equation."""
+    Rows, Sums = kernels.array_type(kernels.i32), kernels.array_type(kernels.i64)
+    qd, size = kernels.qd, _ROWS_PER_BLOCK
+
+    @kernels.kernel
+    def place(state: Rows, length: Rows, start: Rows, sums: Sums, count: kernels.i32):
+        qd.loop_config(serialize=serial)
+        for b in range((count + size - 1) // size):
+            total = 0
+            for i in range(b * size, qd.min((b + 1) * size, count)):
+                total += qd.select(state[i] == UNKNOWN, length[i], 0)
+            sums[b] = qd.cast(total, qd.i64)
+        qd.loop_config(serialize=True)
+        for _ in range(1):
+            before = qd.cast(0, qd.i64)
+            for b in range((count + size - 1) // size):
+                own = sums[b]
+                sums[b] = before
+                before += own
+            sums[(count + size - 1) // size] = before
+        qd.loop_config(serialize=serial)
+        for b in range((count + size - 1) // size):
+            slot = sums[b]
+            for i in range(b * size, qd.min((b + 1) * size, count)):
+                start[i] = qd.cast(slot, qd.i32)
+                slot += qd.cast(qd.select(state[i] == UNKNOWN, length[i], 0), qd.i64)
+
+    return place
 
 
 @kernels.cached
@@ -277,14 +269,14 @@ def _assembly_kernel(
     }  # fmt: skip
     parameters = [
         "position: Vectors", "state: Rows", "out_diagonal: Reals", "out_rhs: Reals", "out_length: Rows",
-        "out_grounded: Rows", "start: Starts", "length: Rows", "neighbour: Rows", "out_start: Rows", "column: Rows",
-        "value: Values",
+        "out_grounded: Rows", "out_start: Rows", "start: Starts", "length: Rows", "neighbour: Rows",
+        "column: Rows", "value: Values",
     ]  # fmt: skip
     for n in (*near, *own):
         scope[f"In_{n}"] = kernels.array_type(types[n])
         parameters.append(f"in_{n}: In_{n}")
     arguments = [f"argument{k}" for k in range(n_arguments)]
-    parameters += ["place: Rows", "count: qd.i32", "parts: qd.i32", "re: real", "scale: real"]
+    parameters += ["count: qd.i32", "parts: qd.i32", "re: real", "scale: real"]
     parameters += [f"{n}: real" for n in (*arguments, *[f"period{k}" for k in range(d)])]
     of_equation = "".join(f", {n}" for n in arguments)
     missing = terms.diagonal is not None and equation.outside is not None
@@ -295,7 +287,7 @@ def _assembly_kernel(
         "    for part in range(parts):",
         "        begin = qd.cast(qd.cast(count, qd.i64) * part // parts, qd.i32)",
         "        end = qd.cast(qd.cast(count, qd.i64) * (part + 1) // parts, qd.i32)",
-        "        cursor = place[part]",
+        "        cursor = out_start[begin]",
         "        for i in range(begin, end):",
         "            used = 0",
         "            tied = 0",

@@ -11,7 +11,7 @@ from spume.particles import Particles
 from spume.pressure import aggregation, cycle, levels
 from spume.pressure.base import NotConverged, Solution, Solver
 from spume.pressure.bicgstab import StabilisedBiconjugateGradient
-from spume.pressure.conjugate_gradient import ConjugateGradient, solution
+from spume.pressure.conjugate_gradient import ConjugateGradient, floor, solution
 from spume.pressure.matrix import UNKNOWN, LinearSystem
 
 ROOM = (1 / 3, 5.0)
@@ -85,6 +85,7 @@ class _Workspace:
         level = self._finest_level(system, particles)
         diagonal = particles[system.diagonal]
         vectors = [diagonal, *(particles[n] for n in (system.solution, system.rhs, *ConjugateGradient.vectors))]
+        self._floor = floor(system, solver)
         self._state, self._diagonal, self._value = particles[system.state], diagonal, system.real
         alone = aggregation.alone(particles.active)
         build = self._build_in_one_thread if alone else self._build_with_threads
@@ -101,7 +102,7 @@ class _Workspace:
         if alone:
             cycle.solve_in_one_thread(system.symmetric, system.real)(
                 level, self._coarse, self._table, self._operations, self._length, *vectors, self._image, self._partial,
-                self._scalars, solver.tolerance, solver.largest_iterations,
+                self._scalars, solver.tolerance, self._floor, solver.largest_iterations,
             )  # fmt: skip
         else:
             self._iterate(level, vectors, solver, cycle.parallel_kernels(system.symmetric, system.real))
@@ -150,7 +151,7 @@ class _Workspace:
         table, coarse, parts = self._host_table, self._coarse, self._parts
         partial, scalars, n = self._partial, self._scalars, int(table[1])
         runs = self._runs(table)
-        kernel.start(level, diagonal, x, rhs, r, p, q, partial, scalars, n, parts)
+        kernel.start(level, diagonal, x, rhs, r, p, q, partial, scalars, self._floor, n, parts)
         while True:
             # Written so that a residual that is not a number ends the iteration.
             if not scalars[cycle.REST] > solver.tolerance**2 * scalars[cycle.RIGHT]:

@@ -303,6 +303,7 @@ def solve_pressure(step: Projection, domain: Domain, surface_pressure: float, dt
         system.assemble(step.laplacian, domain.lattice, particles, domain.pairs, over=step.wall_model.carriers)
         floating = domain.components.project(system, particles)
     with domain.stages("solve"):
+        system.negligible = step.solver.volume_error / dt**2
         solution = step.solver(system, particles)
         domain.components.centre(floating, particles)
     figures: dict[str, float] = {
