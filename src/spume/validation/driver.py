@@ -100,6 +100,11 @@ def execute(task: Task) -> str:
         return run(case, task.folder, threads=1).status
     except Diverged:
         return FAILED
+    except Exception:
+        # What ended the run stands in its summary; the other runs go on.
+        if status_of(task.folder, case.to_toml()) == FAILED:
+            return FAILED
+        raise
 
 
 def status_of(folder: Path, case: str) -> str:
@@ -157,7 +162,7 @@ def validate(chosen: Iterable[Study], out: Path, *, quick: bool, jobs: int, say:
 
     chosen = list(chosen)
     tasks = [task for study in chosen for task in tasks_of(study, out, quick)]
-    do([task for task in tasks if not _ended(task)], jobs, say)
+    do([task for task in tasks if not ended(task)], jobs, say)
     found = []
     for study in chosen:
         results, measured = judge(study, tasks_of(study, out, quick), quick)
@@ -169,7 +174,8 @@ def validate(chosen: Iterable[Study], out: Path, *, quick: bool, jobs: int, say:
     return found
 
 
-def _ended(task: Task) -> bool:
+def ended(task: Task) -> bool:
+    """Return whether a run has ended already, finished or failed, of the very same case."""
     from spume.case import load
 
     return status_of(task.folder, load(task.run.case, settings_of(task.run)).to_toml()) in ("finished", "failed")
