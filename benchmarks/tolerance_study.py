@@ -49,7 +49,8 @@ def dam_break(name: str, spacing: float, settings: list[str]) -> dict[str, float
 
     return {
         "pressure rms": mean("pressure"), "peak": found["pressure-2"]["peak"], "level rms": mean("level"),
-        "drift": summary["volume_drift"], "steps": summary["steps"], "collisions": summary["counts"].get("collisions", 0),
+        "drift": summary["volume_drift"], "steps": summary["steps"],
+        "collisions": summary["counts"].get("collisions", 0),
         "iterations": summary["pressure_iterations_mean"],
         "solve": 1e3 * summary["stage_times"].get("solve", 0.0) / summary["steps"],
         "step": 1e3 * summary["wall_time_steps"] / summary["steps"],
@@ -67,7 +68,8 @@ def main() -> None:
         "                       | at rest:         | wave:   | dam break, 2D and 3D: rms of pressures, peak / measured,"
     )
     print(
-        "                       | rms p, kinetic   | lost    | rms of levels, drift, iterations, ms solve, ms step, steps"
+        "                       | rms p, kinetic   | lost    |"
+        " rms of levels, drift, iterations, ms solve, ms step, steps"
     )
     rows: list[dict[str, Any]] = []
     for name, value in SETTINGS:

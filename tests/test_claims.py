@@ -7,6 +7,7 @@ nothing of Spume; both they and the schemes are held to the number in the file.
 
 import importlib
 import json
+import re
 import sys
 from copy import copy
 from functools import cache

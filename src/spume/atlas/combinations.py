@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 from spume import named
 from spume.steps.project_in_place import ProjectInPlace
@@ -81,7 +81,7 @@ def _varied() -> Iterator[Combination]:
         for scheme in named.schemes(slot):
             if type(getattr(default, slot)) is scheme or not _fits(slot, scheme):
                 continue
-            layers = math.floor(ProjectInPlace(**{slot: scheme()}).largest_radius()) + 1
+            layers = math.floor(ProjectInPlace(**cast("dict[str, Any]", {slot: scheme()})).largest_radius()) + 1
             yield Combination(f"{slot} {scheme.key}", (f"step.{slot}='{scheme.key}'",), slot, max(layers, 3))
         for name, setting in FORMS.items():
             if name.startswith(slot):
