@@ -29,8 +29,8 @@ UP = "../"
 TITLES = {
     "collision": "Collisions", "divergence": "Divergence", "free_surface": "Free surface", "gradient": "Gradient",
     "laplacian": "Laplacian", "number_density": "Number density", "shifting": "Particle shifting",
-    "source": "Source of the pressure equation", "turbulence": "Turbulence", "viscosity": "Viscosity",
-    "weight": "Weight functions",
+    "source": "Source of the pressure equation", "step": "Weakly compressible step", "turbulence": "Turbulence",
+    "viscosity": "Viscosity", "weight": "Weight functions",
 }  # fmt: skip
 MEASURED = ("gradient", "divergence", "laplacian")
 WAVE = f"wave of {2 * 3.14159265 / measured.WAVE_NUMBER:.0f} l0"

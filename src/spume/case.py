@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from spume import named, toml
+from spume import named, presets, toml
 from spume.bodies import Body
 from spume.geometry import Shape
 from spume.geometry.checks import mistaken_units
@@ -130,6 +130,8 @@ class Case(Parameters):
     """Processor threads [1]; default: all that the process may use."""
     precision: Literal["double", "single"] = "double"
     """Floating-point numbers of 8 or of 4 bytes."""
+    preset: Literal["recommended", "confined", "original-1996", "violent", "waves"] = "recommended"
+    """Models for a class of problems: defaults of ``step`` and ``time``, before which goes what those say."""
     time: Time
     """End of the run and limits of the time step."""
     tensile: bool = False
@@ -150,6 +152,14 @@ class Case(Parameters):
     """What is written, and when."""
 
     _origin: Origin = PrivateAttr(default_factory=Origin)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _preset(cls, value: Any) -> Any:
+        """Complete the tables with the defaults of the preset."""
+        if not isinstance(value, Mapping) or value.get("preset") not in presets.names():
+            return value  # a wrong name is answered like any other
+        return presets.applied(value["preset"], value, ProjectInPlace.key)
 
     @model_validator(mode="after")
     def _complete(self) -> Self:

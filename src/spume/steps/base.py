@@ -22,7 +22,7 @@ from spume.schemes.divergence.base import Divergence
 from spume.schemes.divergence.original import Original as OriginalDivergence
 from spume.schemes.free_surface.base import FreeSurface
 from spume.schemes.free_surface.number_density import LowNumberDensity
-from spume.schemes.gradient.base import Gradient
+from spume.schemes.gradient.base import Gradient, completing
 from spume.schemes.gradient.corrected import Corrected
 from spume.schemes.laplacian.base import Laplacian
 from spume.schemes.laplacian.original import Original as OriginalLaplacian
@@ -248,8 +248,16 @@ class Projection(Step):
 
     def caution(self) -> str:
         """Return which two models do not fit each other, though they can be computed together, or nothing."""
-        found = self.laplacian.caution(self.source.of_slope, self.number_density.re)
-        return f"source {self.source.key!r} {found}" if found else ""
+        cautions = []
+        if found := self.laplacian.caution(self.source.of_slope, self.number_density.re):
+            cautions.append(f"source {self.source.key!r} {found}")
+        if not (self.free_surface.known or self.gradient.completes):
+            cautions.append(
+                f"gradient {self.gradient.key!r} leaves out the neighbours missing at the surface, which free_surface "
+                f"{self.free_surface.key!r} puts into the matrix, so that water at rest is not held: choose the "
+                f"gradient {' or '.join(completing())}"
+            )
+        return "; ".join(cautions)
 
 
 def nested(scheme: Scheme) -> Iterator[Scheme]:
@@ -295,6 +303,7 @@ def solve_pressure(step: Projection, domain: Domain, surface_pressure: float, dt
         system.assemble(step.laplacian, domain.lattice, particles, domain.pairs, over=step.wall_model.carriers)
         floating = domain.components.project(system, particles)
     with domain.stages("solve"):
+        system.negligible = step.solver.volume_error / dt**2
         solution = step.solver(system, particles)
         domain.components.centre(floating, particles)
     figures: dict[str, float] = {
