@@ -18,6 +18,7 @@ sys.path.insert(0, str(DOCS))
 from keys import PAGES, cell, prose, publications, rows  # noqa: E402
 
 import spume.case  # noqa: E402
+from spume import presets  # noqa: E402
 from spume.cli import app  # noqa: E402
 
 HEADER = "<!-- Written by docs/generate_reference.py: change the code instead. -->"
@@ -53,6 +54,7 @@ def case_file() -> str:
     schema = spume.case.schema()
     definitions = schema["$defs"]
     parts = [HEADER, "# Case file, key by key", INTRODUCTION, "## Top level { #top-level }", rows(schema, UP)]
+    parts += ["## Presets { #presets }", PRESETS, presets_table()]
     for name, title in TABLES:
         definition = definitions[name]
         anchor = name.removeprefix("family-").lower()
@@ -75,6 +77,26 @@ def case_file() -> str:
     if missing:
         raise SystemExit(f"families that no page describes: {', '.join(sorted(missing))}")
     return "\n\n".join(part for part in parts if part) + "\n"
+
+
+PRESETS = """\
+`preset = "NAME"` at the top level sets defaults of `step` and `time`; what the case says itself goes before them,
+key by key."""
+
+
+def presets_table() -> str:
+    """Return the presets: what each is for, and what it sets."""
+    lines = ["| preset | for | sets |", "|---|---|---|"]
+    for name in presets.names():
+        text = (presets.FOLDER / f"{name}.toml").read_text(encoding="utf-8")
+        purpose = " ".join(line.removeprefix("#").strip() for line in text.splitlines() if line.startswith("#"))
+        table = ""
+        keys = []
+        for line in text.splitlines():
+            table = line.strip("[]") if line.startswith("[") else table
+            keys += [f"`{table}.{line}`"] if "=" in line and not line.startswith("#") else []
+        lines.append(f"| `{name}` | {cell(purpose)} | {', '.join(keys) or 'nothing'} |")
+    return "\n".join(lines)
 
 
 def choices(family: str, definition: dict[str, Any]) -> list[str]:
@@ -134,7 +156,7 @@ def entries(callback: Any, kind: str) -> list[tuple[inspect.Parameter, Any, Any]
 
 def label(parameter: inspect.Parameter, information: Any) -> str:
     """Return the name of an argument, as the help of its command shows it."""
-    return str(information.metavar or parameter.name.upper()).strip("[]…")
+    return re.sub(r"[\[\]….]", "", information.metavar or parameter.name.upper())
 
 
 def usage(parameter: inspect.Parameter, hint: Any, information: Any) -> str:

@@ -74,3 +74,18 @@ def test_the_examples_of_the_command_line_are_understood():
     assert len(examples) > 5
     for example in examples:
         check_options(shlex.split(example.split(" > ")[0]))
+
+
+def test_every_citation_of_the_theory_is_among_the_publications():
+    text = re.sub(r"\s+", " ", (DOCS / "theory.md").read_text("utf-8"))
+    sources = (DOCS / "reference" / "sources.md").read_text("utf-8")
+    citations = re.findall(r"([A-Z][\w-]+)(?: et al\.| & [\w ]+?|, [A-Z]\w+ & [A-Z]\w+)? \(?((?:19|20)\d\d)", text)
+    assert len(citations) > 20
+    missing = {f"{name} {year}" for name, year in citations if not re.search(rf"{name}.*\({year}\)", sources)}
+    assert missing == set()
+
+
+def test_every_page_is_in_the_navigation():
+    navigation = (DOCS.parent / "mkdocs.yml").read_text("utf-8")
+    names = [path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md")]
+    assert [name for name in names if f": {name}\n" not in navigation] == []
