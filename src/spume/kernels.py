@@ -32,6 +32,7 @@ kernel = qd.kernel
 static = qd.static
 sqrt = qd.sqrt
 i32, i64 = qd.i32, qd.i64
+f32 = qd.f32
 
 DEVICES = ("cpu", "cuda", "vulkan", "metal", "amdgpu")
 PRECISIONS = ("double", "single")

@@ -155,6 +155,10 @@ class Scheme(Parameters):
     conserves: ClassVar[frozenset[str]] = frozenset()
     """Quantities conserved to round-off: ``momentum``, ``angular momentum``, ``volume``."""
 
+    def needed(self) -> tuple[Any, ...]:
+        """Return the fields of the particle table that the scheme needs with its parameters."""
+        return tuple(getattr(type(self), "needs", ()))
+
     def __init_subclass__(cls, *, name: str = "", family: str = "", selector: str = "", **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         if family:
@@ -335,7 +339,7 @@ File = Annotated[
     Path,
     PlainValidator(_read_path),
     PlainSerializer(_write_path, return_type=str),
-    WithJsonSchema({"type": "string", "description": "path of a file, from the folder of the case file"}),
+    WithJsonSchema({"type": "string", "format": "path"}),
 ]
 """Type of a parameter that names an existing file, relative to the folder of the case file or, where
 there is none, to the folder of the built-in cases. It holds the absolute path."""

@@ -41,6 +41,7 @@ class Simulation:
         domain.particles.declare(step.needed_fields())
         self._viscosity = float(np.max(domain.particles.numpy("kinematic_viscosity"), initial=0.0))
         self._acceleration = 0.0
+        self._relative_speed = 0.0
         self._snapshot: Snapshot | None = None
         self._broken = 0.0  # length of the step that failed half-way [s]
         self.watch = Watch(domain, clock)
@@ -84,6 +85,7 @@ class Simulation:
                 self.step.begin(domain)
             except TooManyNeighbours as error:
                 raise self._diverged(crowded(error, domain, clock)) from error
+            self._relative_speed = self.step.relative_speed(domain)
             self._acceleration = float(np.linalg.norm(domain.gravity.at(0.0)))
             if domain.gravity.stiffness:
                 reach = np.abs(particles.numpy("position") - domain.gravity.focus).max()
@@ -94,6 +96,7 @@ class Simulation:
         dt = clock.next_dt(
             domain.lattice,
             speed,
+            self._relative_speed,
             self._acceleration / self.step.steadiness**2,
             self.step.viscosity.max_dt(domain.lattice, self.step.viscosity.largest(particles, self._viscosity)),
             clock.courant * bodies,
@@ -109,6 +112,7 @@ class Simulation:
         except TooManyNeighbours as error:
             raise self._diverged(crowded(error, domain, clock), dt) from error
         self._acceleration = figures.pop("acceleration")
+        self._relative_speed = self.step.relative_speed(domain)
         clock.advance(dt)
         self.statistics = {"dt": dt, **figures}
         if "collisions" in particles.fields:
@@ -244,6 +248,7 @@ class Simulation:
             "list": neighbours,
             "next_id": particles.next_id,
             "acceleration": self._acceleration,
+            "relative_speed": self._relative_speed,
             "viscosity": self._viscosity,
             "statistics": {name: float(value) for name, value in self.statistics.items()},
             "stage_times": dict(self.stage_times),
@@ -269,6 +274,7 @@ class Simulation:
         for name, value in numbers["clock"].items():
             setattr(clock, name, value)
         self._acceleration, self._viscosity = numbers["acceleration"], numbers["viscosity"]
+        self._relative_speed = numbers["relative_speed"]
         self.statistics = dict(numbers["statistics"])
         self.stage_times.update(numbers["stage_times"])
         self.watch.restore(numbers["watch"])

@@ -13,6 +13,7 @@ for _module in sorted(module.name for module in pkgutil.iter_modules(__path__)):
 PANELS = {
     "Simulate": ("new", "cases", "check", "run"),
     "Look at results": ("report", "plot", "render", "export", "cite"),
+    "Compare": ("validate", "atlas"),
     "Models and case files": ("schemes", "schema", "new-scheme"),
     "This machine": ("doctor", "bench"),
 }

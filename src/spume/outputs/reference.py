@@ -45,22 +45,22 @@ class Reference(Parameters):
     value: str = ""
     """Column of the gauge that is compared; default: its principal value."""
     time_scale: Annotated[float, Field(gt=0.0)] = 1.0
-    """Seconds per unit of the reference's time."""
+    """Length of the reference's unit of time [s]."""
     scale: float = 1.0
-    """SI units per unit of the reference's value."""
+    """What one unit of the reference's value is in the unit of the gauge [unit of the gauge]."""
     time_label: str = "t [s]"
     """The reference's time and its unit, for tables and pictures."""
     label: str = ""
     """The reference's value and its unit; default: the gauge's."""
     window: tuple[float, float] | None = None
-    """Times from and to which errors and peak are taken, in the reference's unit; default: all."""
+    """Times from and to which errors and peak are taken [unit of the reference]; default: all."""
     threshold: float | None = None
-    """Value whose first crossing is the arrival, in the reference's unit; default: a tenth of the range."""
+    """Value whose first crossing is the arrival [unit of the reference]; default: a tenth of the range."""
     shift_max: Annotated[float, Field(ge=0.0)] = 0.0
-    """Largest time shift allowed, in the reference's unit. One common shift, the one with the smallest
+    """Largest time shift allowed [unit of the reference]. One common shift, the one with the smallest
     errors, is applied to all references that allow one (a gate is not instantaneous), and reported."""
     peak_band: tuple[float, float] | None = None
-    """Band of the peak over repeated experiments, in the reference's unit; default: peaks of ``lower``, ``upper``."""
+    """Band of the peak over repeated experiments [unit of the reference]; default: that of ``lower`` and ``upper``."""
     source: str = ""
     """Publication, as cited in pictures."""
 
