@@ -34,7 +34,7 @@ def spatial_noise(position: NDArray[np.float64], pressure: NDArray[np.float64], 
 
 
 def temporal_noise(values: NDArray[np.float64]) -> float:
-    """Return the rms of v_(k+1) - 2 v_k + v_(k-1) over sqrt(6), values of shape (instants,): the deviation of white noise."""
+    """Return the rms of v_(k+1) - 2 v_k + v_(k-1) over sqrt(6), the deviation of white noise; shape (instants,)."""
     return rms(np.diff(values, 2)) / float(np.sqrt(6.0)) if len(values) > 2 else float("nan")
 
 
