@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 os.environ.setdefault("ENABLE_QUADRANTS_HEADER_PRINT", "False")
+os.environ.setdefault("QD_ENABLE_PYBUF", "0")  # in a notebook it would say that it takes over the output of kernels
 
 import numpy as np
 import quadrants as qd

@@ -182,7 +182,11 @@ def ended(task: Task) -> bool:
 
 
 def judge(study: Study, tasks: Sequence[Task], quick: bool) -> tuple[dict[str, Any], dict[Run, Measured]]:
-    """Return the results of a study as JSON takes them, and what was measured of each run that finished."""
+    """Return the results of a study as JSON takes them, and what was measured of each run that finished.
+
+    Raises:
+        CaseError: a folder of which no run has ended.
+    """
     measured: dict[Run, Measured] = {}
     runs = []
     for task in tasks:

@@ -188,7 +188,7 @@ def order(sizes: Sequence[int], errors: Sequence[float]) -> float:
 
 
 def rms(values: Iterable[float] | NDArray[np.float64]) -> float:
-    """Return the root of the mean square."""
+    """Return the root of the mean square of values of any shape."""
     return float(np.sqrt(np.mean(np.square(np.asarray(values, dtype=float)))))
 
 

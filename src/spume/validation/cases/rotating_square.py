@@ -19,7 +19,7 @@ VOIDS = "voids: circles of radius 1.5 l0 without a centre"
 
 
 def exact() -> dict[str, np.ndarray]:
-    """Return the columns of the boundary-element solution."""
+    """Return the columns, shape (n,), of the boundary-element solution."""
     return read_columns(CASES / "rotating-square" / "centre.csv")[0]
 
 
