@@ -293,7 +293,7 @@ _SENTENCES = {
     "collisions": "collisions act on {share:.0%} of the fluid particles a step (mean of {steps} steps): the time step "
     "is long for this flow, lower time.courant",
     "clipped": "{share:.0%} of the pressures inside the fluid were negative and set to zero (mean of {steps} steps), "
-    "which is a force that the flow does not have: set step.negative_pressure = true with a gradient that bears tension",
+    "a force that the flow does not have: set step.negative_pressure = true with a gradient that bears tension",
     "fallbacks": "the pressure solver needed its fallback in {share:.0%} of {steps} steps: it costs time, not "
     "accuracy; choose step.solver = cg, or report the case",
 }
