@@ -10,6 +10,7 @@ from spume.pressure.bicgstab import StabilisedBiconjugateGradient
 from spume.pressure.conjugate_gradient import ConjugateGradient
 from spume.pressure.multigrid import Multigrid
 from spume.schemes.free_surface.detection_free import DetectionFree
+from spume.schemes.gradient.corrected import Corrected
 from spume.schemes.laplacian.higher_order import HigherOrder
 from spume.schemes.laplacian.original import Original
 from spume.schemes.laplacian.second_order import SecondOrder
@@ -39,6 +40,14 @@ def test_laplacian_and_source_of_different_sizes(laplacian, source, said):
     found = PredictMoveProject(laplacian=laplacian, source=source, wall_model=Resting()).caution()
     assert bool(found) == bool(said)
     assert said in found
+
+
+def test_the_printed_normalisation_of_the_corrected_gradient_is_told_of():
+    assert ProjectInPlace(gradient=Corrected()).caution() == ""
+    said = ProjectInPlace(gradient=Corrected(form="published")).caution()
+    assert (
+        said == 'gradient \'corrected\' in the form "published" gives d times the gradient: choose form = "consistent"'
+    )
 
 
 def test_two_cautions_are_both_told():
