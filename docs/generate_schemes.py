@@ -6,47 +6,34 @@
 Needs an installed Spume and the tests of the clone, whose functions measure.
 """
 
-import inspect
+import functools
 import re
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 DOCS = Path(__file__).resolve().parent
-sys.path.insert(0, str(DOCS.parent / "tests"))
+sys.path[:0] = [str(DOCS), str(DOCS.parent / "tests")]
+
+from keys import prose, publications, rows  # noqa: E402
 
 import measured  # noqa: E402
 from spume import kernels  # noqa: E402
-from spume.named import Scheme, to_table  # noqa: E402
+from spume.case import schema  # noqa: E402
+from spume.named import Scheme  # noqa: E402
+
+UP = "../"
 
 TITLES = {
     "collision": "Collisions", "divergence": "Divergence", "free_surface": "Free surface", "gradient": "Gradient",
     "laplacian": "Laplacian", "number_density": "Number density", "shifting": "Particle shifting",
-    "source": "Source of the pressure equation", "turbulence": "Turbulence", "viscosity": "Viscosity",
-    "weight": "Weight functions",
+    "source": "Source of the pressure equation", "step": "Weakly compressible step", "turbulence": "Turbulence",
+    "viscosity": "Viscosity", "weight": "Weight functions",
 }  # fmt: skip
 MEASURED = ("gradient", "divergence", "laplacian")
 WAVE = f"wave of {2 * 3.14159265 / measured.WAVE_NUMBER:.0f} l0"
-
-
-def publications() -> dict[str, str]:
-    """Return each entry of references.bib as one line of text, by its key."""
-    found = {}
-    text = (DOCS / "references.bib").read_text(encoding="utf-8")
-    for key, body in re.findall(r"^@\w+\{([^,\s]+),(.*?)^\}", text, re.MULTILINE | re.DOTALL):
-        fields = dict(re.findall(r"(\w+)\s*=\s*\{(.*?)\}\s*,?\s*$", body, re.MULTILINE | re.DOTALL))
-        place = fields.get("journal") or fields.get("booktitle") or fields.get("publisher") or fields.get("school", "")
-        where = " ".join(filter(None, [place, fields.get("volume", "")]))
-        pages = fields.get("pages", "").replace("--", "–")
-        line = (
-            f"{fields.get('author', '').replace(' and ', '; ')} ({fields.get('year', '')}). {fields.get('title', '')}."
-        )
-        line += f" {where}{', ' + pages if pages else ''}."
-        if "doi" in fields:
-            line += f" [doi:{fields['doi']}](https://doi.org/{fields['doi']})"
-        found[key] = re.sub(r"\s+", " ", re.sub(r"[{}]", "", line))
-    return found
 
 
 def page(family: str) -> str:
@@ -67,19 +54,12 @@ def page(family: str) -> str:
     for name in names:
         scheme = measured.SCHEMES[name]
         parts += [f"## `{scheme.key}`", prose(scheme.__doc__ or "")]
-        parameters = rows_of_parameters(scheme)
+        parameters = rows(scheme_table(scheme), UP)
         if parameters:
-            parts.append("\n".join(["| parameter | default | meaning |", "|---|---|---|", *parameters]))
+            parts.append(parameters)
         if scheme.reference:
             parts.append(f"Source: {books[scheme.reference]}")
     return "\n\n".join(parts) + "\n"
-
-
-def prose(docstring: str) -> str:
-    """Return a docstring as Markdown: literals keep one backtick, words in angle brackets are no HTML."""
-    text = inspect.cleandoc(docstring)
-    text = re.split(r"\n(?:Args|Raises|Attributes):", text)[0].strip()
-    return text.replace("``", "`").replace("<", "&lt;").replace("*", "\\*").replace("_", "\\_") if text else ""
 
 
 def table(family: str, names: list[str]) -> str:
@@ -124,21 +104,22 @@ def row(family: str, name: str) -> list[str]:
     return cells
 
 
+@functools.cache
+def definitions() -> dict[str, Any]:
+    """Return the definitions of the JSON Schema of case files."""
+    return dict(schema()["$defs"])
+
+
+def scheme_table(scheme: type[Scheme]) -> dict[str, Any]:
+    """Return the JSON Schema of the table of a scheme, without the key that selects it."""
+    models = (m for m in definitions()[f"family-{scheme.family}"]["anyOf"] if "properties" in m)
+    found = next(m for m in models if m["properties"][scheme.selector]["const"] == scheme.key)
+    return {**found, "properties": {k: v for k, v in found["properties"].items() if k != scheme.selector}}
+
+
 def two_digits(value: float) -> str:
     """Return a number with two significant digits and without an exponent."""
     return np.format_float_positional(value, 2, fractional=False, trim="-")
-
-
-def rows_of_parameters(scheme: type[Scheme]) -> list[str]:
-    """Return a table row for each parameter."""
-    default = to_table(scheme()) if not any(f.is_required() for f in scheme.model_fields.values()) else {}
-    rows = []
-    for key, field in scheme.model_fields.items():
-        value = default.get(key, "")
-        text = value.get("name", value) if isinstance(value, dict) else value
-        meaning = re.sub(r"\s+", " ", field.description or "").replace("``", "`").replace("|", "\\|")
-        rows.append(f"| `{key}` | {text} | {meaning} |")
-    return rows
 
 
 NUMBER = re.compile(r"\d[\d.]*(?= %)")

@@ -4,10 +4,14 @@ import numpy as np
 
 from arrangements import table
 from reference.cloud import DT, DT_BEFORE
+from reference.step import SOUND, density_at_start
+from spume.domain import Domain
+from spume.gravity import Constant
 from spume.particles import FLUID
 from spume.pressure.matrix import SYSTEM_FIELDS, UNKNOWN, LinearSystem
 from spume.schemes.divergence.original import Original as OriginalDivergence
 from spume.schemes.free_surface.base import SURFACE_SHARE
+from spume.schemes.laplacian.original import Original as OriginalLaplacian
 from spume.schemes.number_density.base import Original as NumberDensity
 from spume.schemes.source.base import DIVERGENCE, SOURCE
 from spume.steps.base import nested
@@ -38,6 +42,7 @@ class Rows:
             )  # fmt: skip
             self.order = self.particles.numpy("id")
         self.particles.declare(field for part in nested(scheme) for field in getattr(part, "needs", ()))
+        self.particles.declare(getattr(scheme, "fields", ()))
         given = {"position": cloud.x, "velocity": cloud.u, "density": cloud.rho, "kinematic_viscosity": cloud.nu}
         if share is not None:
             given |= {"surface_share": share, "free_surface": share > 0.5}
@@ -141,6 +146,34 @@ def free_surface(scheme, cloud, share=None):
     return rows.get("surface_share")
 
 
+def step(scheme, cloud, share=None):
+    """Return the rate of the relative density over one weakly compressible step."""
+    before = density_at_start(cloud)
+    rows = Rows(scheme, cloud, share, relative_density=before, speed_of_sound=np.full(len(cloud), SOUND))
+    scheme(Domain(*rows.handles, bodies=(), gravity=Constant(vector=(0.0,) * cloud.d)), 0.0, DT)
+    return (rows.get("relative_density") - before) / DT
+
+
+def carried(scheme, cloud, share=None):
+    """Return velocity and pressure [kPa] after the shift."""
+    rows = Rows(scheme, cloud, share, pressure=cloud.phi)
+    model = NumberDensity(re=cloud.re / cloud.l0)
+    model(*rows.handles)
+    scheme(*rows.handles, model, DT)
+    return np.column_stack([rows.get("velocity"), rows.get("pressure") / 1000])
+
+
+def drawn(scheme, cloud, share=None):
+    """Return the flag of the free surface, the addition to the matrix, and the pressure it draws to [kPa]."""
+    rows = Rows(scheme, cloud, share, surface_value=cloud.phi)
+    model = NumberDensity()
+    model(*rows.handles)
+    scheme(*rows.handles, model)
+    scheme.draw(rows.lattice, rows.particles, OriginalLaplacian(), model)
+    found = rows.get("free_surface"), rows.get("surface_diagonal"), rows.get("surface_value") / 1000
+    return np.stack(found, axis=1)
+
+
 def collision(scheme, cloud, share=None):
     rows = Rows(scheme, cloud, share)
     scheme(*rows.handles, DT)
@@ -155,5 +188,5 @@ def turbulence(scheme, cloud, share=None):
 ASK = {
     "collision": collision, "divergence": divergence, "free_surface": free_surface, "gradient": gradient,
     "laplacian": laplacian, "number_density": number_density, "shifting": shifting, "source": source,
-    "turbulence": turbulence, "viscosity": viscosity,
+    "step": step, "turbulence": turbulence, "viscosity": viscosity,
 }  # fmt: skip

@@ -14,8 +14,9 @@ named.load_all()
 SCHEMES = {
     f"{scheme.family}.{scheme.key}": scheme
     for scheme in named.schemes()
-    if scheme.__module__.startswith("spume.schemes.")
+    if scheme.__module__.startswith(("spume.schemes.", "spume.steps.weakly_compressible"))
 }
+"""Every scheme of the families of models, and the one step that is a row of the review by itself."""
 FAMILIES = tuple(dict.fromkeys(scheme.family for scheme in SCHEMES.values()))
 
 

@@ -98,7 +98,7 @@ def test_a_time_step_that_collapses(simulation):
     found = failure(simulation)
     assert found["particle"] == 30
     assert "the time step collapsed" in found["reason"]
-    assert "limited by courant" in found["reason"]
+    assert "limited by travel" in found["reason"]
 
 
 def test_particles_through_a_wall(simulation):

@@ -164,7 +164,7 @@ def test_an_oscillation_keeps_its_amplitude(device):
     """The update of positions is symplectic: after 20 periods the amplitude has neither grown nor decayed."""
     dt, omega = 0.2, 2.0
     case = spume.Case(
-        spacing=1.0, time=spume.Time(end=100.0, step_max=dt, courant=0.5),
+        spacing=1.0, time=spume.Time(end=100.0, step_max=dt, courant=0.5, travel=0.5),
         domain=spume.Domain(
             gravity={"kind": "central", "strength": omega**2, "centre": [0.0, 0.0]},
             lower=[-2.0, -2.0], upper=[2.0, 2.0],

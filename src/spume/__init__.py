@@ -38,7 +38,10 @@ _HOME = {
         "Union",
     ),
     "spume.bodies.wall": ("Wall",),
-    "spume.run": ("resume",),
+    "spume.citation": ("cite",),
+    "spume.history": ("History",),
+    "spume.simulation": ("Simulation",),
+    "spume.run": ("Run", "resume"),
     "spume.results": ("Results", "RunFolderError", "open"),
 }
 _MODULE = {name: module for module, names in _HOME.items() for name in names}

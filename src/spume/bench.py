@@ -188,8 +188,7 @@ def copy_bandwidth(megabytes: int = 256) -> float:
 
 def _table_memory(simulation: Simulation) -> int:
     domain, particles = simulation.domain, simulation.particles
-    table = particles.capacity * particles.row_bytes(particles.fields)
-    return int(table + domain.pairs.list.bytes() + domain.system.bytes())
+    return int(particles.bytes() + domain.pairs.list.bytes() + domain.system.bytes())
 
 
 @kernels.cached

@@ -533,7 +533,7 @@ def _simulation(case: Case, rows: Rows) -> Simulation:
     lattice = Lattice(case.dimension, case.spacing)
     frame = case.domain.motion if case.domain.frame == "tank" else None
     domain = Domain(lattice, particles, pairs, bodies, case.domain.gravity, case.fluid[0].density, motion=frame)
-    clock = Clock(case.time.end, case.time.courant, case.time.step_max or math.inf)
+    clock = Clock(case.time.end, case.time.courant, case.time.travel, case.time.step_max or math.inf)
     return Simulation(domain, case.step, clock)
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from spume import named, toml
+from spume import named, presets, toml
 from spume.bodies import Body
 from spume.geometry import Shape
 from spume.geometry.checks import mistaken_units
@@ -46,7 +46,9 @@ class Time(Parameters):
     step_max: Positive | None = None
     """Largest time step [s]; default: no limit but the others'."""
     courant: Annotated[float, Field(gt=0, le=1)] = 0.2
-    """Courant number: the part of a spacing that the fastest particle moves in a step [1]."""
+    """Courant number: the part of a spacing by which two neighbours move against each other in a step [1]."""
+    travel: Annotated[float, Field(gt=0, le=2)] = 0.2
+    """Largest way of a particle in a step, as a multiple of the spacing [1]."""
 
 
 class Domain(Parameters):
@@ -121,13 +123,15 @@ class Case(Parameters):
     spacing: Positive
     """Spacing of the particles l0 [m]."""
     dimension: Literal[2, 3] = 2
-    """2: the x-y plane; 3: x, y, z with z up."""
+    """2: the x-y plane; 3: x, y, z with z up [1]."""
     device: Literal["cpu", "cuda", "vulkan", "metal", "amdgpu"] | None = None
     """Where to compute; default: the environment variable SPUME_DEVICE, else the processor."""
     threads: Annotated[int, Field(ge=1)] | None = None
-    """Processor threads; default: all that the process may use."""
+    """Processor threads [1]; default: all that the process may use."""
     precision: Literal["double", "single"] = "double"
     """Floating-point numbers of 8 or of 4 bytes."""
+    preset: Literal["recommended", "confined", "original-1996", "violent", "waves"] = "recommended"
+    """Models for a class of problems: defaults of ``step`` and ``time``, before which goes what those say."""
     time: Time
     """End of the run and limits of the time step."""
     tensile: bool = False
@@ -148,6 +152,14 @@ class Case(Parameters):
     """What is written, and when."""
 
     _origin: Origin = PrivateAttr(default_factory=Origin)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _preset(cls, value: Any) -> Any:
+        """Complete the tables with the defaults of the preset."""
+        if not isinstance(value, Mapping) or value.get("preset") not in presets.names():
+            return value  # a wrong name is answered like any other
+        return presets.applied(value["preset"], value, ProjectInPlace.key)
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -227,7 +239,8 @@ class Case(Parameters):
 
     def _output_inconsistencies(self) -> Iterator[tuple[Location, str, Any]]:
         """Yield what names a field or a gauge that does not exist."""
-        fields = {field.name: field for field in (*BASE_FIELDS, *self.step.needed_fields())}
+        every = (*BASE_FIELDS, *self.step.needed_fields())
+        fields = {field.name: field for field in every if not field.scratch}
         for index, name in enumerate(self.output.fields):
             if name not in fields:
                 message = f"must be a field: {', '.join(sorted(fields))}{nearest_match(name, fields)}"
@@ -270,6 +283,24 @@ class Case(Parameters):
         from spume.run import run
 
         return run(self, folder, **options)
+
+    def plot(self, colour: str | None = None, *, dpi: int = 110, **settings: Any) -> Any:
+        """Return matplotlib's figure of the particles at the start; see `spume.simulation.Simulation.plot`.
+
+        Raises:
+            CaseError: the case cannot be set up.
+        """
+        from spume.build import initial_rows, initial_snapshot
+        from spume.outputs.pictures import frame_of, plot
+
+        snapshot = initial_snapshot(self, initial_rows(self))
+        chosen = colour or ("speed" if snapshot["velocity"].any() else "pressure")  # one colour would show nothing
+        return plot(frame_of(snapshot, None if chosen == "speed" else chosen), chosen, dpi, settings, self.title)
+
+    def _repr_html_(self) -> str:
+        from spume.notebook import case_html
+
+        return case_html(self)
 
     def table(self) -> dict[str, Any]:
         """Return the completed case as the tables of a case file, every key with its value."""

@@ -10,13 +10,15 @@ from spume.lattice import Lattice
 class Clock:
     """Chooses the time step.
 
-    Limits: courant l0/|u|, with the largest speed of fluid and walls; courant sqrt(l0/|a|), so that a
-    fluid at rest has one; viscosity; bodies; ``step_max``. The step grows by at most 20 % from one to
-    the next, for sources with 1/dt^2 answer a jump of dt with a pressure spike.
+    Limits: courant l0/|u_j - u_i|, with the largest relative speed of neighbours, for what changes the arrangement of
+    the particles is how they move against each other; travel l0/|u|, with the largest speed of fluid and walls;
+    courant sqrt(l0/|a|), so that a fluid at rest has one; viscosity; bodies; ``step_max``. The step grows by at
+    most 20 % from one to the next, for sources with 1/dt^2 answer a jump of dt with a pressure spike.
 
     Attributes:
         end: time at which the run ends [s].
-        courant: Courant number [1].
+        courant: Courant number of the relative motion [1].
+        travel: largest way of a particle in a step, as a multiple of l0 [1].
         step_max: largest step [s].
         time: simulated time [s].
         step: steps done.
@@ -26,12 +28,14 @@ class Clock:
 
     end: float
     courant: float = 0.2
+    travel: float = 0.2
     step_max: float = inf
     time: float = 0.0
     step: int = 0
     dt: float = 0.0
     limiter: str = ""
     growth: float = field(default=1.2, repr=False)
+    """Largest ratio of a step to the one before [1]."""
 
     @property
     def done(self) -> bool:
@@ -42,6 +46,7 @@ class Clock:
         self,
         lattice: Lattice,
         speed: float,
+        relative: float,
         acceleration: float,
         viscous: float = inf,
         bodies: float = inf,
@@ -51,13 +56,15 @@ class Clock:
 
         Args:
             speed: largest speed [m/s].
+            relative: largest relative speed of neighbours [m/s].
             acceleration: largest acceleration [m/s^2].
             viscous: limit of the viscosity [s].
             bodies: limit of the bodies [s].
             sound: limit of the speed of sound [s].
         """
         limits = {
-            "courant": self.courant * lattice.spacing / speed if speed > 0 else inf,
+            "courant": self.courant * lattice.spacing / relative if relative > 0 else inf,
+            "travel": self.travel * lattice.spacing / speed if speed > 0 else inf,
             "acceleration": self.courant * sqrt(lattice.spacing / acceleration) if acceleration > 0 else inf,
             "viscosity": viscous,
             "bodies": bodies,

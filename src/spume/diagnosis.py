@@ -33,11 +33,14 @@ MOST_STEPS = 1e9
 BEHIND = 0.5
 """A row whose centre is farther than this behind a wall's surface has gone through it [l0]."""
 
+DEEPEST = 2.25
+"""Farther behind than this it is outside of walls of three layers: what flew over the rim falls down there [l0]."""
+
 LEAKED = (3, 1e-3)
 """Rows, and part of the fluid's rows, behind walls at which a run stops (both are needed); one is a warning."""
 
-LOOK = 10
-"""Steps between two searches for rows behind walls: at a fifth of l0 a step, three layers take 15."""
+LOOK = 5
+"""Steps between two searches for rows behind walls."""
 
 WINDOW = 100
 """Steps over which the uses of limiters are averaged."""
@@ -83,10 +86,13 @@ class Finding:
 
 
 @pair_term(reads=("to_surface",))
-def height(a, b, r, w):  # type: ignore[no-untyped-def]
-    """Return how far a row lies in front of the plane of a solid row's surface [m]."""
+def height(a, b, r, w, l0):  # type: ignore[no-untyped-def]
+    """Return how far a row lies in front of the surface that a solid row's own cell covers [m]; beside it: nothing."""
     size = b.to_surface.norm(1e-30)
-    return -r.dot(b.to_surface) / size - size
+    along = r.dot(b.to_surface) / size
+    beside = r.norm_sqr() - along * along
+    # Above the rim of a wall there is no wall: what flies over a tank's edge has not gone through it.
+    return kernels.qd.select(beside < (r.n - 1) * (0.54 * l0) ** 2, -along - size, -1e30)
 
 
 class Watch:
@@ -196,11 +202,12 @@ class Watch:
         if not domain.bodies:
             return None
         pair_max(
-            height, particles, domain.pairs, out="wall_clearance", weight=Inverse(), re=_NEAR * l0, over=SOLID
+            height, particles, domain.pairs, out="wall_clearance", weight=Inverse(), re=_NEAR * l0, over=SOLID,
+            arguments=(l0,),
         )  # fmt: skip
         clearance = kernels.host(particles["wall_clearance"])[: particles.count]
         kind = kernels.host(particles["kind"])[: particles.count]
-        behind = (kind == FLUID) & (clearance < -BEHIND * l0) & (clearance > -2.0 * _NEAR * l0)
+        behind = (kind == FLUID) & (clearance < -BEHIND * l0) & (clearance > -DEEPEST * l0)
         number = int(np.count_nonzero(behind))
         if not number:
             return None

@@ -37,7 +37,7 @@ class Domain:
     bodies: Sequence[Any]
     gravity: Any
     density: float = 1000.0
-    system: LinearSystem = field(default_factory=LinearSystem)
+    system: LinearSystem = field(default_factory=lambda: LinearSystem(single=True))
     components: Components = field(default_factory=Components)
     stages: Stopwatch = field(default_factory=Stopwatch)
     motion: Motion | None = None

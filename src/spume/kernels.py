@@ -31,6 +31,7 @@ kernel = qd.kernel
 static = qd.static
 sqrt = qd.sqrt
 i32, i64 = qd.i32, qd.i64
+f32 = qd.f32
 
 DEVICES = ("cpu", "cuda", "vulkan", "metal", "amdgpu")
 PRECISIONS = ("double", "single")
@@ -42,7 +43,13 @@ class DeviceError(RuntimeError):
 
 @dataclass(frozen=True)
 class Runtime:
-    """What the kernels are compiled for."""
+    """What the kernels are compiled for.
+
+    Attributes:
+        device: one of ``DEVICES``.
+        threads: processor threads.
+        precision: ``double`` or ``single``.
+    """
 
     device: str
     threads: int
@@ -116,17 +123,24 @@ def quota(root: Path) -> int:
         return 0
 
 
+def wanted_cache() -> Path:
+    """Return where compiled kernels should go, whether or not that folder can be written.
+
+    That of the environment variable SPUME_CACHE, else ``spume`` in the user's cache folder (XDG_CACHE_HOME,
+    else ``~/.cache``).
+    """
+    if os.environ.get("SPUME_CACHE"):
+        return Path(os.environ["SPUME_CACHE"])
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+    return Path(home) / "spume"
+
+
 def cache_folder() -> Path:
     """Return the folder of compiled kernels, which exists and can be written.
 
-    That of the environment variable SPUME_CACHE, else ``spume`` in the user's cache folder (XDG_CACHE_HOME,
-    else ``~/.cache``). Where it cannot be written, a temporary one of this process, which goes with it.
+    That of `wanted_cache`; where it cannot be written, a temporary one of this process, which goes with it.
     """
-    if os.environ.get("SPUME_CACHE"):
-        wanted = Path(os.environ["SPUME_CACHE"])
-    else:
-        home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
-        wanted = Path(home) / "spume"
+    wanted = wanted_cache()
     try:
         wanted.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=wanted):
@@ -252,7 +266,9 @@ def array(value: Any, size: int) -> Any:
 
 
 def host(data: Any) -> np.ndarray[Any, Any]:
-    """Return a device array as a NumPy array: its own memory where the device is the processor, else a copy.
+    """Return a device array as a NumPy array, shape (size, *shape of a value).
+
+    It is the device's own memory where that is the processor, else a copy.
 
     Use :func:`publish` after writing to it.
     """
@@ -261,7 +277,7 @@ def host(data: Any) -> np.ndarray[Any, Any]:
 
 
 def publish(data: Any, values: np.ndarray[Any, Any]) -> None:
-    """Make what was written to the array from :func:`host` the device array's content."""
+    """Make what was written to the array from :func:`host`, of its shape, the device array's content."""
     if values.flags.owndata:
         data.from_numpy(values)
 

@@ -48,7 +48,8 @@ def moving_together(case: Case) -> list[list[int]]:
 def set_in_motion(case: Case, bodies: Sequence[Any], rows: dict[str, NDArray[Any]]) -> None:
     """Write where rows started, and give those of moving bodies the velocity that they start with.
 
-    What the tank holds starts with the velocity that its initial fields give it relative to the tank.
+    What the tank holds starts with the velocity that its initial fields give it relative to the tank. The rows are
+    those of `spume.build.initial_rows`: names to arrays of shape (n, …), changed in place.
     """
     rows["start_position"], rows["start_to_surface"] = rows["position"], rows["to_surface"]
     rows["velocity"] = rows["velocity"].copy()
@@ -64,7 +65,7 @@ def set_in_motion(case: Case, bodies: Sequence[Any], rows: dict[str, NDArray[Any
 def reached(
     case: Case, lower: NDArray[np.float64], upper: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the corners [m] of a box that holds a box of rows wherever the motions of bodies take it."""
+    """Return the corners [m], shape (d,), of a box that holds a box of rows wherever the motions of bodies take it."""
     corners = np.stack(np.meshgrid(*zip(lower, upper, strict=True)), axis=-1).reshape(-1, case.dimension)
     for body in bodies_of(case):
         motion: Motion | None = getattr(body, "motion", None)

@@ -149,11 +149,15 @@ class Scheme(Parameters):
     ids: ClassVar[tuple[str, ...]] = ()
     """Rows of the review's table of systems (``A1`` … ``L11``) that this scheme implements."""
     reference: ClassVar[str] = ""
-    """Key of the publication in ``docs/references.bib``."""
+    """Key of the publication in ``src/spume/references.bib``."""
     order: ClassVar[int | None] = None
     """Degree of the polynomials reproduced on any arrangement of particles; None where it has no meaning."""
     conserves: ClassVar[frozenset[str]] = frozenset()
     """Quantities conserved to round-off: ``momentum``, ``angular momentum``, ``volume``."""
+
+    def needed(self) -> tuple[Any, ...]:
+        """Return the fields of the particle table that the scheme needs with its parameters."""
+        return tuple(getattr(type(self), "needs", ()))
 
     def __init_subclass__(cls, *, name: str = "", family: str = "", selector: str = "", **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -335,7 +339,7 @@ File = Annotated[
     Path,
     PlainValidator(_read_path),
     PlainSerializer(_write_path, return_type=str),
-    WithJsonSchema({"type": "string", "description": "path of a file, from the folder of the case file"}),
+    WithJsonSchema({"type": "string", "format": "path"}),
 ]
 """Type of a parameter that names an existing file, relative to the folder of the case file or, where
 there is none, to the folder of the built-in cases. It holds the absolute path."""

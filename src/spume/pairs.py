@@ -329,12 +329,14 @@ def _pair_kernel(
         else:
             begin.append(f"s{k} = qd.cast({'' if operation == 'min' else '-'}infinity, real)")
             combine.append(f"s{k} = qd.{operation}(s{k}, term{k}(a, b, r, w{more}))")
+            none = f"qd.cast({'' if operation == 'min' else '-'}infinity, real)"
+            skipped.append(f"s{k} = qd.{operation}(s{k}, qd.select(near, term{k}(a, b, r, w{more}), {none}))")
         value = f"s{k}" if term.finish is None else f"finish{k}(a, s{k}{more})"
         end.append(f"out_{out}[i] = {value}")
     scope["infinity"] = float(np.finfo(kernels.runtime().dtype).max)
     evaluate = [f"b = {loading.format(row='j')}", *seeing, "w = weight(qd.sqrt(rr), re)"]
     distance = ["r = position[j] - x", *minimum_image(periodic), "rr = r.dot(r)"]
-    if selective or operation != "sum":
+    if selective:
         body = [
             f"if kind[j] & {over} != 0:",
             *[f"    {line}" for line in distance],

@@ -32,6 +32,8 @@ class Field:
         constant: never written by a step.
         output: written to result files by default.
         restart: the next step reads it, so it is carried through sorting and saved by checkpoints.
+        scratch: name of the only function that it means anything in, if there is one: what other functions keep for
+            themselves may then lie in the same memory.
     """
 
     name: str
@@ -43,6 +45,7 @@ class Field:
     constant: bool = False
     output: bool = False
     restart: bool = False
+    scratch: str = ""
 
     def value_shape(self, d: int) -> tuple[int, ...]:
         """Return the shape of one row's value in d dimensions."""
@@ -114,6 +117,8 @@ class Particles:
         self._parted = False
         self.fields: dict[str, Field] = {}
         self._arrays: dict[str, Any] = {}
+        self._sharing: dict[tuple[Any, ...], list[str]] = {}
+        self._beside: dict[str, tuple[str, ...]] = {}
         self._spares: dict[Any, Any] = {}
         self._next_id = 0
         self._row_of_id: Any = None
@@ -134,11 +139,29 @@ class Particles:
             known = self.fields.get(field.name)
             if known is None:
                 self.fields[field.name] = field
+                names = self._same_memory(field)
+                names.append(field.name)
+                self._beside |= dict.fromkeys(names, tuple(names))
+                if len(names) > 1:
+                    self._arrays[field.name] = self._arrays[names[0]]
+                    continue
                 self._arrays[field.name] = kernels.array(self._type(field), self.capacity)
                 if self.count:
                     self.set(field.name, np.full((self.count, *field.value_shape(self.dimension)), field.initial))
             elif known != field:
                 raise ValueError(f"field {field.name!r} is declared twice, differently: {known} and {field}")
+
+    def _same_memory(self, field: Field) -> list[str]:
+        """Return the names of the fields that lie in the memory of a field."""
+        if not field.scratch:
+            return self._sharing.setdefault((field.name,), [])
+        mine = (field.value_shape(self.dimension), field.dtype is int)
+        place = sum(
+            f.scratch == field.scratch and (f.value_shape(self.dimension), f.dtype is int) == mine
+            for f in self.fields.values()
+            if f is not field
+        )
+        return self._sharing.setdefault((*mine, place), [])
 
     def __getitem__(self, name: str) -> Any:
         return self._arrays[name]
@@ -151,11 +174,19 @@ class Particles:
             for n in names
         )
 
+    def bytes(self) -> int:
+        """Return the memory of all fields, and of what sorting needs [bytes]."""
+        rows = sum(self.row_bytes([names[0]]) for names in self._sharing.values())
+        real = kernels.runtime().dtype().itemsize
+        rows += sum((4 if integer else real) * prod(shape) for shape, integer in self._spares)
+        return self.capacity * rows
+
     def written(self, *names: str) -> None:
         """Note that fields were written, as pair sums, row maps and the search do; without names all fields."""
         for name in names or self.fields:
-            self._writes[name] = self._writes.get(name, 0) + 1
-            self._origin.pop(name, None)
+            for other in self._beside.get(name, (name,)):
+                self._writes[other] = self._writes.get(other, 0) + 1
+                self._origin.pop(other, None)
 
     def keep(self, name: str, recipe: tuple[Any, ...], made_of: tuple[str, ...]) -> None:
         """Note how a field was just made, so that ``keeps`` can say whether making it again would change it."""
@@ -319,11 +350,19 @@ class Particles:
 
     def smallest(self, name: str, rows: int = ANY) -> float:
         """Return the smallest value of a scalar field over active rows of the given kinds, 0 if there are none."""
+        return self._extreme(name, rows, False)
+
+    def largest(self, name: str, rows: int = ANY) -> float:
+        """Return the largest value of a scalar field over active rows of the given kinds, 0 if there are none."""
+        return self._extreme(name, rows, True)
+
+    def _extreme(self, name: str, rows: int, largest: bool) -> float:
         if self._partial is None:
             self._partial = kernels.array(kernels.runtime().real, _REDUCTION_BLOCKS)
-        _smallest_kernel()(self[name], self["kind"], self._partial, rows, self.active)
-        smallest = float(np.min(kernels.host(self._partial)))
-        return smallest if smallest < np.finfo(kernels.runtime().dtype).max else 0.0
+        _extreme_kernel(largest)(self[name], self["kind"], self._partial, rows, self.active)
+        found = kernels.host(self._partial)
+        value = float(found.max() if largest else found.min())
+        return value if abs(value) < np.finfo(kernels.runtime().dtype).max else 0.0
 
     def _grow(self, needed: int) -> None:
         if needed <= self.capacity:
@@ -331,12 +370,12 @@ class Particles:
         while self.capacity < needed:
             self.capacity *= 2
         self._spares.clear()
-        for name, field in self.fields.items():
-            array = kernels.array(self._type(field), self.capacity)
+        for names in self._sharing.values():
+            array = kernels.array(self.value_type(names[0]), self.capacity)
             full = kernels.host(array)
-            full[: self.count] = kernels.host(self._arrays[name])[: self.count]
+            full[: self.count] = kernels.host(self._arrays[names[0]])[: self.count]
             kernels.publish(array, full)
-            self._arrays[name] = array
+            self._arrays |= dict.fromkeys(names, array)
 
 
 @kernels.cached
@@ -445,14 +484,14 @@ def _total_kernel(integer: bool) -> Any:
 
 
 @kernels.cached
-def _smallest_kernel() -> Any:
+def _extreme_kernel(largest: bool) -> Any:
     real = kernels.runtime().real
     Values, Rows = (kernels.array_type(t) for t in (real, kernels.i32))
     serial, qd, blocks = kernels.runtime().serial, kernels.qd, _REDUCTION_BLOCKS
-    huge = float(np.finfo(kernels.runtime().dtype).max)
+    huge = float(np.finfo(kernels.runtime().dtype).max) * (-1.0 if largest else 1.0)
 
     @kernels.kernel
-    def smallest(field: Values, kind: Rows, partial: Values, kinds: kernels.i32, count: kernels.i32):
+    def extreme(field: Values, kind: Rows, partial: Values, kinds: kernels.i32, count: kernels.i32):
         qd.loop_config(serialize=serial)
         for b in range(blocks):
             found = qd.cast(huge, real)
@@ -461,7 +500,10 @@ def _smallest_kernel() -> Any:
                 qd.cast(qd.cast(count, qd.i64) * (b + 1) // blocks, qd.i32),
             ):
                 if kind[i] & kinds != 0:
-                    found = qd.min(found, field[i])
+                    if kernels.static(largest):
+                        found = qd.max(found, field[i])
+                    else:
+                        found = qd.min(found, field[i])
             partial[b] = found
 
-    return smallest
+    return extreme

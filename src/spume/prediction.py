@@ -56,7 +56,8 @@ def predict(case: Case, rows: Mapping[str, NDArray[Any]], threads: int) -> Predi
     """Return an estimate of steps, memory and time on `threads` processor threads.
 
     The speed is taken as that of a fall over the fluid's height, at least that of the initial field;
-    the cost as microseconds per fluid particle and step, of which threads share a part (Amdahl's law).
+    the cost as microseconds per fluid particle and step, of which threads share a part (Amdahl's law). The rows are
+    those of `spume.build.initial_rows`: names to arrays of shape (n, …).
     """
     assert case.domain.gravity is not None
     fluid = rows["kind"] == FLUID

@@ -135,6 +135,11 @@ class Results:
         span = f", t = {self.times[0]:g} … {self.times[-1]:g} s" if len(self) else ""
         return f"<Results {str(self.path)!r}: {self.status}, {len(self)} frames{span}>"
 
+    def _repr_html_(self) -> str:
+        from spume.notebook import results_html
+
+        return results_html(self)
+
     # ------------------------------------------------------------------------------------------ frames
 
     def __len__(self) -> int:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from spume.outputs.checkpoint import Saved
+    from spume.results import Results
     from spume.simulation import Simulation
 
 log = logging.getLogger("spume")
@@ -74,6 +75,13 @@ class Run:
     failure: dict[str, Any] | None = None
     whole: bool = True
     hurried: bool = False
+
+    @property
+    def results(self) -> Results:
+        """What the run has written so far, read back."""
+        from spume.results import Results
+
+        return Results(self.folder)
 
 
 def run_folder(name: str, parent: Path | None = None) -> Path:

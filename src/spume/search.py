@@ -77,11 +77,13 @@ class NeighbourList:
                     f"radius, {3 * (radius + skin):g} m"
                 )
         self.builds = 0
+        self.neighbour: Any = None
         self.current_skin = skin
         self._updates = 0
         self._home: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
         self._cells_built: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]] | None = None
         self._capacity = 0
+        self._blocks = 0
         self._cells = 0
         self._slots_per_block = 0
         self._rows_per_block = 64 if kernels.runtime().device == "cpu" else 1
@@ -122,7 +124,7 @@ class NeighbourList:
         return removed
 
     def state(self, particles: Particles) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-        """Return numbers and arrays from which `restore` makes this list again."""
+        """Return numbers and arrays, shape (rows,) or (rows, d), from which `restore` makes this list again."""
         numbers: dict[str, Any] = {
             "lower": self.lower.tolist(),
             "upper": self.upper.tolist(),
@@ -139,7 +141,7 @@ class NeighbourList:
         return numbers, {"built": np.array(kernels.host(self._built)[: particles.count])}
 
     def restore(self, particles: Particles, numbers: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
-        """Make the list of `state` again: from the positions and the cells of its last build, not the present ones."""
+        """Make the list of `state` again, from arrays of its shapes: the positions and cells of its last build."""
         self.lower, self.upper = np.array(numbers["lower"]), np.array(numbers["upper"])
         self.builds, self._updates = int(numbers["builds"]), int(numbers["updates"])
         self.current_skin = float(numbers["current_skin"])
@@ -160,11 +162,13 @@ class NeighbourList:
     def _sort_and_list(self, particles: Particles) -> None:
         assert self._cells_built is not None
         self._sort(particles, *self._cells_built)
+        if particles.active > self._blocks * self._rows_per_block or self.neighbour is None:
+            self._blocks = int(1.05 * particles.active / self._rows_per_block) + 16
+            self._allocate_slots()
         while not self._fill(particles, *self._cells_built):
             used = int(kernels.host(self._flag)[0])
-            slots = int(1.3 * used) + 64
-            blocks = -(-self._capacity // self._rows_per_block)
-            if used > _CROWDED * self._regular_slots(particles) or blocks * slots > _LONGEST_ARRAY:
+            slots = int(1.06 * used) + 16
+            if used > _CROWDED * self._regular_slots(particles) or self._blocks * slots > _LONGEST_ARRAY:
                 raise TooManyNeighbours(
                     f"{used / self._rows_per_block:.0f} neighbours a row, where the regular arrangement has "
                     f"{self._regular_slots(particles) / self._rows_per_block:.0f}"
@@ -190,8 +194,7 @@ class NeighbourList:
 
     def bytes(self) -> int:
         """Return the memory of the list [bytes]."""
-        blocks = -(-self._capacity // self._rows_per_block)
-        return 12 * self._capacity + 4 * blocks * self._slots_per_block
+        return 12 * self._capacity + 4 * self._blocks * self._slots_per_block
 
     def _reserve(self, particles: Particles) -> None:
         if self._capacity == particles.capacity:
@@ -203,12 +206,11 @@ class NeighbourList:
         self._order = kernels.array(kernels.i32, self._capacity)
         self._built = kernels.array(kernels.vector(particles.dimension), self._capacity)
         if not self._slots_per_block:
-            self._slots_per_block = int(1.25 * self._regular_slots(particles)) + 64
-        self._allocate_slots()
+            self._slots_per_block = int(0.9 * self._regular_slots(particles)) + 64
+        self._blocks = 0
 
     def _allocate_slots(self) -> None:
-        blocks = -(-self._capacity // self._rows_per_block)
-        self.neighbour = kernels.array(kernels.i32, blocks * self._slots_per_block)
+        self.neighbour = kernels.array(kernels.i32, self._blocks * self._slots_per_block)
 
     def _wrap_and_bound(self, particles: Particles) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         d = particles.dimension

@@ -41,6 +41,7 @@ class Simulation:
         domain.particles.declare(step.needed_fields())
         self._viscosity = float(np.max(domain.particles.numpy("kinematic_viscosity"), initial=0.0))
         self._acceleration = 0.0
+        self._relative_speed = 0.0
         self._snapshot: Snapshot | None = None
         self._broken = 0.0  # length of the step that failed half-way [s]
         self.watch = Watch(domain, clock)
@@ -84,6 +85,7 @@ class Simulation:
                 self.step.begin(domain)
             except TooManyNeighbours as error:
                 raise self._diverged(crowded(error, domain, clock)) from error
+            self._relative_speed = self.step.relative_speed(domain)
             self._acceleration = float(np.linalg.norm(domain.gravity.at(0.0)))
             if domain.gravity.stiffness:
                 reach = np.abs(particles.numpy("position") - domain.gravity.focus).max()
@@ -94,6 +96,7 @@ class Simulation:
         dt = clock.next_dt(
             domain.lattice,
             speed,
+            self._relative_speed,
             self._acceleration / self.step.steadiness**2,
             self.step.viscosity.max_dt(domain.lattice, self.step.viscosity.largest(particles, self._viscosity)),
             clock.courant * bodies,
@@ -109,6 +112,7 @@ class Simulation:
         except TooManyNeighbours as error:
             raise self._diverged(crowded(error, domain, clock), dt) from error
         self._acceleration = figures.pop("acceleration")
+        self._relative_speed = self.step.relative_speed(domain)
         clock.advance(dt)
         self.statistics = {"dt": dt, **figures}
         if "collisions" in particles.fields:
@@ -145,12 +149,80 @@ class Simulation:
         """Wall time [s] spent in each stage of the step."""
         return self.domain.stages.times
 
-    def run(self, until: float = inf, after_step: Callable[["Simulation"], Any] | None = None) -> None:
-        """Advance to the end, or until the time ``until`` [s] is passed, calling ``after_step`` after each step."""
+    def run(
+        self, until: float = inf, *, every: float = 0.0, callback: Callable[["Simulation"], Any] | None = None
+    ) -> None:
+        """Advance to the end of the case, or until a time is reached.
+
+        Nothing is written; ``case.run`` writes results.
+
+        Args:
+            until: time [s] at or after which to stop; the step is not shortened to meet it.
+            every: simulated time between two calls [s]; 0: after each step. A call comes after the first step at
+                or after each multiple, and at the end.
+            callback: is called with the simulation, at the start of a new one too; it may read `snapshot`, measure
+                gauges, draw. If it returns True the run stops.
+
+        Raises:
+            Diverged: see `advance`.
+            ValueError: `every` is negative.
+        """
+        if every < 0.0:
+            raise ValueError(f"every = {every:g}: a time between two calls in seconds, not negative")
+        due = self._instants(every)
+        called = self.step_index if self.step_index else -1
+        if self.step_index == 0 and callback is not None:
+            called = 0
+            if callback(self) is True:
+                return
         while not self.done and self.time < until:
             self.advance()
-            if after_step is not None:
-                after_step(self)
+            if callback is None or self._instants(every) == due:
+                continue
+            due, called = self._instants(every), self.step_index
+            if callback(self) is True:
+                return
+        if callback is not None and called != self.step_index:
+            callback(self)
+
+    def _instants(self, every: float) -> int:
+        """Return how many multiples of a time [s] have passed; without one, how many steps."""
+        # A thousandth of a step early is on time: multiples and the sum of the steps round differently.
+        return int((self.time + 1e-3 * self.dt) / every) if every else self.step_index
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        """Return a field of the present state, read-only, shape (rows, *shape), in SI units.
+
+        It stays as it is when the simulation goes on; `snapshot` tells units, and which rows are fluid.
+
+        Raises:
+            KeyError: no such field.
+        """
+        return self.snapshot()[name]
+
+    def plot(self, colour: str | None = None, *, dpi: int = 110, **settings: Any) -> Any:
+        """Return matplotlib's figure of the particles at present.
+
+        Args:
+            colour: ``speed``, ``pressure`` or another scalar field; default: ``speed``.
+            dpi: pixels per inch.
+            settings: further keys of a case's ``[output]`` table: ``colour_range`` (SI units), ``map``, ``view_deg``.
+
+        Raises:
+            KeyError: no such field.
+            ValidationError: a setting that is not allowed.
+        """
+        from spume.outputs.pictures import frame_of, plot
+
+        return plot(frame_of(self.snapshot(), None if colour in (None, "speed") else colour), colour, dpi, settings)
+
+    def __repr__(self) -> str:
+        return f"<Simulation: t = {self.time:g} of {self.clock.end:g} s, {self.step_index} steps>"
+
+    def _repr_html_(self) -> str:
+        from spume.notebook import simulation_html
+
+        return simulation_html(self)
 
     def fetch(self, name: str) -> NDArray[Any]:
         """Return a copy of a field, shape (count, *shape)."""
@@ -158,6 +230,8 @@ class Simulation:
 
     def state(self, fields: Iterable[str] = ()) -> State:
         """Return everything that the next step reads; after `restore` the steps that follow are the same bits.
+
+        The arrays have the shapes of the fields, (count, *shape), and of what the list and the bodies keep.
 
         Args:
             fields: fields to save besides those that a step reads.
@@ -174,6 +248,7 @@ class Simulation:
             "list": neighbours,
             "next_id": particles.next_id,
             "acceleration": self._acceleration,
+            "relative_speed": self._relative_speed,
             "viscosity": self._viscosity,
             "statistics": {name: float(value) for name, value in self.statistics.items()},
             "stage_times": dict(self.stage_times),
@@ -182,7 +257,7 @@ class Simulation:
         return arrays, numbers
 
     def restore(self, arrays: Mapping[str, NDArray[Any]], numbers: Mapping[str, Any]) -> None:
-        """Take back a state that `state` gave, of the same case.
+        """Take back a state that `state` gave, arrays of the same shapes, of the same case.
 
         Raises:
             KeyError: something is missing.
@@ -199,6 +274,7 @@ class Simulation:
         for name, value in numbers["clock"].items():
             setattr(clock, name, value)
         self._acceleration, self._viscosity = numbers["acceleration"], numbers["viscosity"]
+        self._relative_speed = numbers["relative_speed"]
         self.statistics = dict(numbers["statistics"])
         self.stage_times.update(numbers["stage_times"])
         self.watch.restore(numbers["watch"])

@@ -46,7 +46,7 @@ def read_csv(path: Path, *, growing: bool = False) -> tuple[list[str], NDArray[n
 
 
 def read_columns(path: Path) -> tuple[dict[str, NDArray[np.float64]], dict[str, str]]:
-    """Return the columns, by name, and their units, of a CSV file that a run writes or is compared with.
+    """Return the columns, shape (rows,), and their units, by name, of a CSV file of a run or of a reference.
 
     Raises:
         ValueError: see `read_csv`.

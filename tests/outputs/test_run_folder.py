@@ -7,7 +7,7 @@ from PIL import Image
 
 from outputs.fake_run import Simulation, complete, make_run, snapshot_of, tank
 from outputs.test_reference import write_csv
-from spume.outputs import OutputSettings, Reference, outputs_of, pictures, raster, vtkhdf
+from spume.outputs import OutputSettings, Reference, film, outputs_of, pictures, raster, vtkhdf
 from spume.outputs.gauges import Elevation, Force, Volume
 from spume.outputs.log import Log
 from spume.outputs.output import Output, Outputs
@@ -183,7 +183,8 @@ def test_a_picture_shows_water_wall_and_air_where_they_are(tmp_path):
 
 
 def test_mp4_falls_back_to_gif_without_ffmpeg(tmp_path, monkeypatch):
-    monkeypatch.setattr(pictures.shutil, "which", lambda name: None)
+    monkeypatch.setattr(pictures, "ffmpeg", lambda: None)
+    monkeypatch.setattr(film, "ffmpeg", lambda: None)
     path = tmp_path / "run.vtkhdf"
     writer = vtkhdf.Writer(path)
     for step in range(3):

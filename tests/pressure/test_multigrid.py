@@ -138,7 +138,7 @@ def test_nothing_to_solve_and_lone_rows(runtime):
     # Far apart: rows without an entry, no coarse level at all.
     particles, system = assembled(block(2, 5) * 9.0, np.ones(25))
     solution, pressure, direct = solved(particles, system)
-    assert solution.iterations <= 1
+    assert solution.iterations <= 2
     assert pressure == pytest.approx(direct())
 
 

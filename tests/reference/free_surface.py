@@ -105,3 +105,17 @@ def hybrid(cloud, part=0.9):
     """1 where div r < 0.9 d and the scan finds nothing."""
     div = position_divergence(cloud)
     return np.array([1.0 * (div[i] < part * cloud.d and not covered(cloud, i)) for i in range(len(cloud))])
+
+
+def blended_drawn(cloud):
+    """Flag theta > 1/2, addition 2 d/(lambda rho) theta/(1.02 - theta) to the diagonal, surface pressure [kPa]."""
+    share = blended(cloud)
+    diagonal = 2 * cloud.d / (cloud.lambda_ * cloud.rho) * share / (1.02 - share)
+    return np.stack([share > 0.5, diagonal, cloud.phi / 1000], axis=1)
+
+
+def detection_free_drawn(cloud):
+    """Flag theta > 1/2, addition 2 d/(lambda rho) (1 - n/n0)^+ to the diagonal, no surface pressure."""
+    missing = (1 - density_of(cloud) / cloud.n0).clip(0.0)
+    diagonal = 2 * cloud.d / (cloud.lambda_ * cloud.rho) * missing
+    return np.stack([detection_free(cloud) > 0.5, diagonal, cloud.scalars()], axis=1)

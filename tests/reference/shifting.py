@@ -3,6 +3,7 @@
 import numpy as np
 
 from reference.cloud import DT
+from reference.gradient import matrix
 
 INNER, VICINITY, SURFACE, SPLASH = range(4)
 
@@ -50,6 +51,18 @@ def fickian(cloud, strength=0.1, largest=0.1):
         step = -(1 - cloud.share[i]) * strength * cloud.l0**2 * crowding(cloud, i)
         shift[i] = limited(step, largest * cloud.l0)
     return shift
+
+
+def fickian_carried(cloud):
+    """Velocity and pressure [kPa] at the shifted place: phi_i + d/n0 sum_j (phi_j - phi_i) r_ij . C_i dr_i/r^2 W."""
+    carried = np.column_stack([cloud.u, cloud.phi / 1000])
+    shift = fickian(cloud)
+    for i in range(len(cloud)):
+        way = matrix(cloud, i) @ shift[i]
+        for j, r, s, w in cloud.neighbours(i):
+            change = np.append(cloud.u[j] - cloud.u[i], (cloud.phi[j] - cloud.phi[i]) / 1000)
+            carried[i] += cloud.d / cloud.n0 * change * (r @ way) / s**2 * w
+    return carried
 
 
 def fickian_surface(cloud, strength=0.1, tensile=0.2, normal_share=0.0, largest=0.1):

@@ -32,7 +32,7 @@ class Body(Scheme, family="body", selector="kind"):
             origin: a corner of a cell of the case's lattice [m]; default: the coordinate origin.
 
         Returns:
-            ``position`` (n, d) [m]; ``kind`` (n,); ``to_surface`` (n, d) [m]; ``velocity`` (n, d)
+            ``position``, shape (n, d) [m]; ``kind`` (n,); ``to_surface`` (n, d) [m]; ``velocity`` (n, d)
             [m/s]; ``master`` (n,), for a dummy the index among these rows of the wall row that it
             copies, else its own.
         """
@@ -50,11 +50,11 @@ class Body(Scheme, family="body", selector="kind"):
         return np.zeros(len(points), dtype=bool)
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return the body's own state as named arrays, saved and restored by checkpoints."""
+        """Return the body's own state as named arrays of any shape, saved and restored by checkpoints."""
         return {}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Take back what `state` gave: the arrays that it returns are filled in place."""
+        """Take back what `state` gave: the arrays that it returns, of the same shapes, are filled in place."""
         for name, values in self.state().items():
             values[...] = state[name]
 

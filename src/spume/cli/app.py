@@ -17,17 +17,27 @@ if TYPE_CHECKING:
 DONE, INPUT, DIVERGED, STOPPED = 0, 2, 3, 4
 
 app = typer.Typer(
-    help="Simulate flow with a free surface by the Moving Particle Semi-implicit (MPS) method.",
-    epilog="Exit codes: 0 done, 2 input to correct, 3 the simulation diverged, 4 interrupted.",
+    help="Simulate flow with a free surface by the Moving Particle Semi-implicit (MPS) method.\n\n"
+    "Begin with: spume run dam-break. Or with a case of your own: spume new my-tank --from dam-break, then "
+    "spume check my-tank.toml and spume run my-tank.toml. spume COMMAND --help tells more.",
+    epilog="Exit codes: 0 done, 2 input to correct, 3 the simulation diverged, 4 interrupted. The shell completes "
+    "commands, options and names of cases after: spume --install-completion.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-CaseArgument = Annotated[
-    str, typer.Argument(metavar="CASE", help="A case file, or the name of a built-in case (spume cases).")
-]
+
+def complete_case(incomplete: str) -> list[str]:
+    """Return the built-in cases and the case files here that begin so, for the shell."""
+    from pathlib import Path
+
+    built_in = sorted(path.parent.name for path in (Path(__file__).parents[1] / "cases").glob("*/case.toml"))
+    return [name for name in (*built_in, *map(str, Path().glob("*.toml"))) if name.startswith(incomplete)]
+
+
+CASE_HELP = "A case file, or the name of a built-in case (spume cases)."
+CaseArgument = Annotated[str, typer.Argument(metavar="CASE", help=CASE_HELP, autocompletion=complete_case)]
 SetOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -37,9 +47,9 @@ SetOption = Annotated[
     ),
 ]
 DeviceOption = Annotated[
-    str | None, typer.Option(help="cpu, cuda, vulkan, metal or amdgpu; default: SPUME_DEVICE, else cpu.")
+    str | None, typer.Option(help="cpu, cuda, vulkan, metal or amdgpu. Default: SPUME_DEVICE, else cpu.")
 ]
-ThreadsOption = Annotated[int | None, typer.Option(min=1, help="Processor threads; default: all that may be used.")]
+ThreadsOption = Annotated[int | None, typer.Option(min=1, help="Processor threads. Default: all that may be used.")]
 PrecisionOption = Annotated[str | None, typer.Option(help="double or single.")]
 
 

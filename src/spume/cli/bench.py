@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from spume.cli.app import (
+    CASE_HELP,
     DeviceOption,
     PrecisionOption,
     SetOption,
     ThreadsOption,
     answers,
     app,
+    complete_case,
     load_case,
     new_console,
 )
@@ -28,9 +30,9 @@ if TYPE_CHECKING:
 @app.command()
 @answers
 def bench(
-    case: Annotated[str, typer.Argument(metavar="[CASE]", help="A case file or a built-in case.")] = "dam-break-3d",
-    spacing: Annotated[float | None, typer.Option(help="Spacing l0 [m].")] = None,
-    end_time: Annotated[float | None, typer.Option(help="Simulated time [s]; default: 30 steps.")] = None,
+    case: Annotated[str, typer.Argument(metavar="CASE", help=CASE_HELP, autocompletion=complete_case)] = "dam-break-3d",
+    spacing: Annotated[float | None, typer.Option(help="Spacing l0 \\[m].")] = None,
+    end_time: Annotated[float | None, typer.Option(help="Simulated time \\[s]. Default: 30 steps.")] = None,
     steps: Annotated[int | None, typer.Option(min=1, help="Steps to measure.")] = None,
     replaced: SetOption = None,
     device: DeviceOption = None,
@@ -38,7 +40,12 @@ def bench(
     precision: PrecisionOption = None,
     file: Annotated[Path | None, typer.Option("--json", help="Write the figures to this file as well.")] = None,
 ) -> None:
-    """Run a case without output and print what its steps cost: time, bytes, bandwidth by stage."""
+    """Run a case without output and print what its steps cost: time, bytes, bandwidth by stage.
+
+    Examples:
+      spume bench
+      spume bench dam-break-3d --spacing 0.005 --threads 8 --json bench.json
+    """
     from spume.bench import bench as measure
 
     settings = list(replaced or [])

@@ -8,13 +8,17 @@ from typing import Annotated
 
 import typer
 
-from spume.cli.app import answers, app, new_console
+from spume.cli.app import answers, app, complete_case, new_console
 
 
 @app.command()
 @answers
 def cases() -> None:
-    """List the built-in cases."""
+    """List the built-in cases, with which spume run, check, new --from and cite work.
+
+    Example:
+      spume cases
+    """
     import tomllib
 
     from rich.table import Table
@@ -36,10 +40,20 @@ def new(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the case; the file is NAME.toml.")],
     source: Annotated[
         str | None,
-        typer.Option("--from", metavar="CASE", help="Case to start from, a file or a built-in name."),
+        typer.Option(
+            "--from",
+            metavar="CASE",
+            help="Case to start from: a case file, or the name of a built-in case.",
+            autocompletion=complete_case,
+        ),
     ] = None,
 ) -> None:
-    """Write a commented case file."""
+    """Write a commented case file to start from.
+
+    Examples:
+      spume new my-tank
+      spume new my-sloshing --from sloshing
+    """
     from spume.named import CASES
 
     path = Path(f"{name.removesuffix('.toml')}.toml")

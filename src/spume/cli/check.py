@@ -20,7 +20,12 @@ def check(
     replaced: SetOption = None,
     threads: ThreadsOption = None,
 ) -> None:
-    """Read a case, draw its initial particles, predict particles, memory and time; compute nothing."""
+    """Read a case, draw its initial particles, predict particles, memory and time; compute nothing.
+
+    Examples:
+      spume check my-tank.toml
+      spume check dam-break --set spacing=0.005 --threads 8
+    """
     console = new_console()
     loaded = load_case(case, replaced, None, threads, None)
     from rich.table import Table

@@ -31,7 +31,12 @@ def new_scheme(
         Path | None, typer.Option(help="File to write, for a package of your own. Default: in the family's folder.")
     ] = None,
 ) -> None:
-    """Write a model that works: a copy of the plainest of its family, to be changed, and its claims entry."""
+    """Write a model that works: a copy of the plainest of its family, to be changed, and its claims entry.
+
+    Examples:
+      spume new-scheme gradient my-gradient
+      spume new-scheme weight my-weight --from wendland --out my_weight.py
+    """
     from spume import named
 
     named.load_all()
@@ -122,7 +127,7 @@ def _claims_of_class(node: ast.ClassDef, model: type[Scheme]) -> list[tuple[int,
         if isinstance(target, ast.Name) and target.id == "ids":
             edits.append((*span, ""))
         if isinstance(target, ast.Name) and target.id == "reference":
-            text = f'    reference: ClassVar = "{model.reference}"  # its own key in docs/references.bib\n'
+            text = f'    reference: ClassVar = "{model.reference}"  # its own key in src/spume/references.bib\n'
             edits.append((*span, text))
     return edits
 

@@ -23,6 +23,10 @@ def report(
     """Write one HTML file that shows a run or compares several: particles, gauges, budgets, cost, case.
 
     The file needs nothing else: it opens without a network, and can be sent as it is.
+
+    Examples:
+      spume report dam-break --open
+      spume report coarse fine --out comparison.html
     """
     from spume.report import write_report
     from spume.results import Results

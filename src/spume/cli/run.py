@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from spume.cli.app import (
+    CASE_HELP,
     STOPPED,
     DeviceOption,
     PrecisionOption,
@@ -15,6 +16,7 @@ from spume.cli.app import (
     ThreadsOption,
     answers,
     app,
+    complete_case,
     load_case,
     new_console,
 )
@@ -34,9 +36,7 @@ def _wall_time(text: str | None) -> float | None:
 @app.command()
 @answers
 def run(
-    case: Annotated[
-        str | None, typer.Argument(metavar="CASE", help="A case file, or the name of a built-in case (spume cases).")
-    ] = None,
+    case: Annotated[str | None, typer.Argument(metavar="CASE", help=CASE_HELP, autocompletion=complete_case)] = None,
     out: Annotated[
         Path | None,
         typer.Option(help="Run folder, new or empty. Default: the case's name, numbered if it exists."),
@@ -56,7 +56,19 @@ def run(
     threads: ThreadsOption = None,
     precision: PrecisionOption = None,
 ) -> None:
-    """Run a case and write its results, or continue a run."""
+    """Run a case and write its results, or continue a run.
+
+    It ends with a table that compares the gauges with measurements, where the case has some. Interrupted by Ctrl-C or
+    a batch system, it stops after its step and writes a checkpoint.
+
+    Examples:
+      spume run dam-break
+      spume run dam-break --set spacing=0.005 --out fine --threads 4
+      spume run my-tank.toml --set body.tank.slip=free-slip
+      spume run my-tank.toml --max-wall-time 23:30:00
+      spume run --resume fine
+      spume run --resume fine --set time.end=2.0
+    """
     limit = _wall_time(max_wall_time)
     console = new_console()
     if resume is not None:

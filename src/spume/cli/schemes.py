@@ -14,9 +14,17 @@ from spume.cli.app import answers, app, new_console
 @answers
 def schemes(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
-    family: Annotated[str | None, typer.Option(help="Only this family.")] = None,
+    family: Annotated[
+        str | None, typer.Option(metavar="FAMILY", help="Only this family: gradient, laplacian, weight …")
+    ] = None,
 ) -> None:
-    """List the models: family, name, systems of the literature, source, order, what is conserved."""
+    """List the models: family, name, systems of the literature, source, order, what is conserved.
+
+    Examples:
+      spume schemes
+      spume schemes --family gradient
+      spume schemes --json
+    """
     from spume import named
 
     named.load_all()
@@ -53,7 +61,11 @@ def schemes(
 @app.command()
 @answers
 def schema() -> None:
-    """Print the JSON Schema of case files, with which editors complete and check them."""
+    """Print the JSON Schema of case files, with which editors complete and check them.
+
+    Example:
+      spume schema > spume.schema.json
+    """
     from spume.case import schema as case_schema
 
     typer.echo(json.dumps(case_schema(), indent=2, ensure_ascii=False))

@@ -273,7 +273,7 @@ def circle(radius: float) -> Points:
 
 
 def ball(centre: Points, radius: float) -> Facets:
-    """Return a polyhedron of a sphere's volume with 20480 triangles."""
+    """Return a polyhedron of a sphere's volume with 20480 triangles; its centre [m] has shape (3,)."""
     from trimesh.creation import icosphere
 
     mesh = icosphere(subdivisions=5)

@@ -66,7 +66,7 @@ class Grid:
     def window(
         self, lower: NDArray[np.float64], upper: NDArray[np.float64], margin: int = 0
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return first and past-the-last index of the cells whose centres lie between two corners.
+        """Return first and past-the-last index, shape (d,), of the cells whose centres lie between two corners [m].
 
         Raises:
             TooManyCellsError: the window has more than `largest` cells.
@@ -80,7 +80,7 @@ class Grid:
         return first, np.maximum(first, last)
 
     def blocks(self, first: NDArray[np.int64], last: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
-        """Yield the cells of a window in order (last axis fastest), some at a time, each (m, d).
+        """Yield the cells of a window in order (last axis fastest), some at a time, each of shape (m, d).
 
         Raises:
             TooManyCellsError: so many that looking at each would take too long.

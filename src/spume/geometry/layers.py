@@ -39,6 +39,9 @@ def wall_layers(shape: Shape, grid: Grid, layers: int, *, wetted: str) -> Layers
     The wall layer holds the solid cells whose centres are nearer than one spacing to the wetted
     surface, the diagonal cell of a corner included; the dummies are the solid cells behind it up to
     `layers` cells from the fluid. At an open face of a tank nothing stands beyond the face.
+
+    Raises:
+        TooManyCellsError: more cells than this machine's memory holds.
     """
     # The square neighbourhood gives a corner its full square, and a sloping surface too many layers: no
     # row is deeper than the last one on the diagonal of an edge (in 3D in the wall layer of a third wall).
@@ -164,7 +167,7 @@ def _blocks_near_the_surface(
 def masters(
     position: NDArray[np.float64], wall: NDArray[np.bool_], to_surface: NDArray[np.float64]
 ) -> NDArray[np.int64]:
-    """Return for each row the index of the wall row that it copies: itself, or for a dummy the nearest.
+    """Return for each row the index of the wall row that it copies: itself, or for a dummy the nearest; shape (n,).
 
     The search starts a quarter of the way to the surface, which decides ties along `to_surface`: the
     diagonal dummy of a corner finds the corner's wall row, one of a convex edge the row of its own face.

@@ -34,11 +34,11 @@ class Shape(Scheme, family="shape", selector="kind"):
         raise NotImplementedError
 
     def nearest(self, points: Points) -> Points:
-        """Return the point of the surface [m] nearest to each point."""
+        """Return the point of the surface [m] nearest to each point, shape (n, d)."""
         raise NotImplementedError
 
     def inside(self, points: Points) -> NDArray[np.bool_]:
-        """Return which points lie inside."""
+        """Return which points lie inside, shape (n,)."""
         raise NotImplementedError
 
     def distance(self, points: Points) -> NDArray[np.float64]:
@@ -47,11 +47,11 @@ class Shape(Scheme, family="shape", selector="kind"):
         return np.where(self.inside(points), -gap, gap)
 
     def distance_within(self, points: Points, reach: float) -> NDArray[np.float64]:
-        """Return `distance` where it is less than `reach` [m], elsewhere that or an infinite one of its sign."""
+        """Return `distance` where it is less than `reach` [m], elsewhere that or an infinite one; shape (n,)."""
         return self.distance(points)
 
     def gap(self, points: Points) -> NDArray[np.float64]:
-        """Return the distance [m] of each point from the surface, open faces excluded."""
+        """Return the distance [m] of each point, shape (n,), from the surface, open faces excluded."""
         return np.abs(self.distance(points))
 
     def facets(self) -> Facets:
@@ -71,11 +71,14 @@ class Shape(Scheme, family="shape", selector="kind"):
 
         Also returns one sentence for each face that had to move by more than 1 % of the spacing.
         Curved and sloping surfaces stay: a cell belongs to them if its centre does.
+
+        Raises:
+            ValueError: the shape is thinner than half a spacing.
         """
         return self, []
 
     def solid_side(self, points: Points) -> NDArray[np.bool_]:
-        """Return where rows of a wall that contains fluid may stand (not beyond an open face)."""
+        """Return where rows of a wall that contains fluid may stand (not beyond an open face), shape (n,)."""
         return np.ones(len(points), dtype=bool)
 
 
@@ -136,7 +139,11 @@ class _Corners(Shape):
         return prism(loop, np.array([0.0, 0.0, lower[2]]), np.diag([1.0, 1.0, upper[2] - lower[2]]))
 
     def open_faces(self) -> NDArray[np.bool_]:
-        """Return which faces are open, shape (2, d): lower and upper face of each axis."""
+        """Return which faces are open, shape (2, d): lower and upper face of each axis.
+
+        Raises:
+            ValueError: an open face that does not exist in the shape's dimension.
+        """
         return np.zeros((2, len(self.lower)), dtype=bool)
 
     @override

@@ -36,7 +36,11 @@ class Initial(Scheme, family="initial", selector="kind"):
     """Dimensions in which the field exists."""
 
     def displaced(self, points: Points, setting: Setting) -> Points:
-        """Return where the particles that fill the shape at `points` [m] start, shape (n, d)."""
+        """Return where the particles that fill the shape at `points` [m] start, shape (n, d).
+
+        Raises:
+            ValueError: a displacement that the fluid cannot have.
+        """
         return points
 
     def velocity(self, points: Points, setting: Setting) -> Points:

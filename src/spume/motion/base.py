@@ -38,7 +38,10 @@ class Motion(Scheme, family="motion", selector="kind"):
             order: 0, or 1 and 2 for the first and second derivative in time (from above).
 
         Returns:
-            A vector, of whose components the last may be left out where they are zero, and a number.
+            A vector, shape (d,), of which the last components may be left out where they are zero, and a number.
+
+        Raises:
+            TypeError: a composed motion, whose rotations have no common angle.
         """
 
     @property
@@ -79,7 +82,7 @@ class Motion(Scheme, family="motion", selector="kind"):
         return Pose(matrix, centre + shift - matrix @ centre)
 
     def spin(self, t: float, dimension: int, order: int = 1) -> NDArray[np.float64]:
-        """Return the angular velocity [rad/s] (order 2: acceleration), always with three components."""
+        """Return the angular velocity [rad/s] (order 2: acceleration), always of shape (3,)."""
         return self._state(t, order, dimension)[1] * self._axis(dimension)
 
     def velocity_at(self, points: Points, t: float) -> Points:
@@ -96,7 +99,7 @@ class Motion(Scheme, family="motion", selector="kind"):
         return self._state(t, 2, d)[0] + arm @ self.turning(t, d).T
 
     def turning(self, t: float, dimension: int) -> NDArray[np.float64]:
-        """Return [alpha x] + [omega x]^2 [1/s^2]: times an arm, the acceleration that rotation gives its tip."""
+        """Return [alpha x] + [omega x]^2 [1/s^2]: times an arm, the acceleration of its tip; shape (d, d)."""
         spin = cross_matrix(self.spin(t, dimension))
         change = cross_matrix(self.spin(t, dimension, order=2))
         return (change + spin @ spin)[:dimension, :dimension]

@@ -50,7 +50,7 @@ class Pose:
 
 
 def rotation(axis: NDArray[np.float64], angle: float, dimension: int) -> NDArray[np.float64]:
-    """Return the matrix that turns by an angle [rad] about a unit axis, anticlockwise seen from its tip."""
+    """Return the matrix, shape (d, d), that turns by an angle [rad] about a unit axis, anticlockwise from its tip."""
     cross = cross_matrix(axis)
     full: NDArray[np.float64] = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
     return full[:dimension, :dimension]

@@ -75,6 +75,7 @@ class Sink(io.RawIOBase):
         os.fsync(self._descriptor)
 
     def write(self, data: Any) -> int:
+        """Write bytes; an error is kept for `check`, and everything counts as written."""
         view = memoryview(data).cast("B")
         written = 0
         try:
@@ -85,6 +86,7 @@ class Sink(io.RawIOBase):
         return len(view)
 
     def readinto(self, buffer: Any) -> int:
+        """Fill a buffer from the file, with zeros after an error; return how many bytes were filled."""
         if self._error is not None:
             buffer[:] = bytes(len(buffer))
             return len(buffer)

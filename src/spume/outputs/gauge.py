@@ -46,7 +46,7 @@ class Gauge(Scheme, family="gauge", selector="kind"):
         raise NotImplementedError
 
     def vector(self, key: str, value: Sequence[float], dimension: int) -> NDArray[np.float64]:
-        """Return a parameter that must have one number per dimension.
+        """Return a parameter that must have one number per dimension, shape (dimension,).
 
         Raises:
             ValueError: another length.

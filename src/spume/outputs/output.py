@@ -41,7 +41,7 @@ class OutputSettings(Parameters):
     colour: str = "speed"
     """Field that colours the pictures: ``speed`` or a scalar field of the frames."""
     colour_range: tuple[float, float] | None = None
-    """Values at the ends of the colour scale; default: from the frames."""
+    """Values at the ends of the colour scale [SI unit of the field]; default: from the frames."""
     map: MapName | None = None
     """Colour map; default: one that suits the field."""
     view_deg: tuple[float, float] = (-60.0, 18.0)

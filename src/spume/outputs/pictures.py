@@ -5,10 +5,9 @@ Everything is drawn from the files of the run folder, so it can be drawn again l
 
 from __future__ import annotations
 
-import contextlib
-import shutil
-import subprocess
-from collections.abc import Iterator, Sequence
+import functools
+import io
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spume.outputs import frames, raster, vtkhdf
+from spume.outputs.film import ffmpeg, write_gif, write_mp4
 from spume.outputs.output import Output, OutputSettings, RunLike
 from spume.outputs.plots import plot_gauges
 from spume.outputs.record import FOLDER as GAUGE_FOLDER
@@ -24,7 +24,6 @@ from spume.outputs.reference import Reference
 from spume.outputs.snapshot import FLUID, WALL, Snapshot
 
 _ANIMATION_FRAMES = 100
-_FRAMES_PER_SECOND = 15
 _WALL_COLOUR = np.array([0.55, 0.57, 0.60], dtype=np.float32)
 _DUMMY_COLOUR = np.array([0.76, 0.77, 0.79], dtype=np.float32)
 _OBSTACLE_COLOUR = np.array([0.80, 0.52, 0.36], dtype=np.float32)
@@ -61,8 +60,15 @@ def values_of(frame: vtkhdf.Frame, colour: str) -> NDArray[np.float64]:
     return np.asarray(frame[colour], dtype=float)
 
 
-def frame_of(snapshot: Snapshot, fields: Sequence[str] = _DRAWN) -> vtkhdf.Frame:
-    """Return a snapshot as a frame, so that it can be drawn."""
+def frame_of(snapshot: Snapshot, colour: str | None = None) -> vtkhdf.Frame:
+    """Return a snapshot as a frame, so that it can be drawn, with the field that is to colour it.
+
+    Raises:
+        KeyError: no such field.
+    """
+    fields = dict.fromkeys((*_DRAWN, colour)) if colour else _DRAWN
+    if colour and colour not in snapshot:
+        raise KeyError(f"colour = {colour!r}: speed or one of {', '.join(sorted(snapshot.fields))}")
     return vtkhdf.Frame(
         time=snapshot.time,
         index=0,
@@ -75,7 +81,13 @@ def frame_of(snapshot: Snapshot, fields: Sequence[str] = _DRAWN) -> vtkhdf.Frame
 
 @dataclass(frozen=True)
 class View:
-    """What all pictures of a run share: the part of space they show and the scale of colours."""
+    """What all pictures of a run share: the part of space they show and the scale of colours.
+
+    Attributes:
+        lower, upper: corners of what is shown [m], shape (d,).
+        low, high: values at the ends of the colour scale [SI unit of the field].
+        settings: the case's settings of pictures.
+    """
 
     lower: NDArray[np.float64]
     upper: NDArray[np.float64]
@@ -85,6 +97,7 @@ class View:
 
     @property
     def size(self) -> NDArray[np.float64]:
+        """Extent of what is shown [m], shape (d,)."""
         return self.upper - self.lower
 
 
@@ -96,6 +109,8 @@ def view_of(sample: Sequence[vtkhdf.Frame], settings: OutputSettings) -> View:
         position = np.asarray(frame["position"], dtype=float)
         fluid = frame["kind"] == FLUID
         solid = ~fluid
+        if frame.dimension == 3 and "to_surface" in frame and np.any(wall := frame["kind"] == WALL):
+            position, solid = position + np.asarray(frame["to_surface"], dtype=float), wall  # no thickness is shown
         if np.any(solid):
             corners.append([position[solid].min(axis=0), position[solid].max(axis=0)])
         if np.any(fluid):
@@ -124,6 +139,10 @@ def _nice(value: float) -> float:
     """Return the smallest of 1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10 times a power of ten that is not below."""
     power = 10.0 ** np.floor(np.log10(value))
     return float(power * next(m for m in (1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10) if m * power >= value * (1 - 1e-9)))
+
+
+Painter = Callable[[vtkhdf.Frame, View, tuple[int, int], bool], raster.Image]
+"""What paints a frame: as `paint`, with the same arguments."""
 
 
 def paint(frame: vtkhdf.Frame, view: View, shape: tuple[int, int], fine: bool = True) -> raster.Image:
@@ -178,7 +197,7 @@ def _paint_3d(
         light = 0.90 + 0.06 * normal[:, 2] - 0.05 * np.abs(normal[:, 0])
         colours = np.where(fluid[:, None], colours, light[:, None]).astype(np.float32)
         position = position + to_surface  # the wetted planes themselves, which meet at the edges
-        obstacle = _obstacles(frame, position, normal, faced)
+        obstacle = obstacles_of(frame, position, normal, faced)
         room = faced & ~obstacle
         if np.any(obstacle):
             shade = 0.62 + 0.38 * np.clip(normal @ (camera.axes.T @ _LIGHT), 0.0, 1.0)
@@ -195,10 +214,17 @@ def _paint_3d(
 _LIGHT = np.array([-0.5, 0.55, 0.67])  # right, up, towards the eye
 
 
-def _obstacles(
+def obstacles_of(
     frame: vtkhdf.Frame, surface: NDArray[np.float64], normal: NDArray[np.float64], faced: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Return which rows belong to bodies that stand in the water: their faces look away from their middle."""
+    """Return which rows belong to bodies that stand in the water: their faces look away from their middle.
+
+    Args:
+        frame: the frame, with ``body``.
+        surface: where the side of each solid row meets the water [m], shape (rows, d).
+        normal: unit normals there, towards the water, shape (rows, d).
+        faced: which rows have such a side, shape (rows,).
+    """
     result = np.zeros(len(surface), dtype=bool)
     if "body" not in frame:
         return result
@@ -214,17 +240,30 @@ def _obstacles(
 # ------------------------------------------------------------------------------------------- figures
 
 
-def _figure(width: float, height: float, dpi: int) -> Any:
+def new_figure(width: float, height: float, dpi: int) -> Any:
     """Return a new figure that draws without a screen and leaves the user's choice of one alone."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
 
-    made = Figure(figsize=(width, height), dpi=dpi, facecolor="white")
+    made = _figure_class()(figsize=(width, height), dpi=dpi, facecolor="white")
     FigureCanvasAgg(made)
     return made
 
 
-_STYLE = {
+@functools.cache
+def _figure_class() -> Any:
+    """Return a figure that a notebook shows, also where matplotlib's backend for notebooks was not loaded."""
+    from matplotlib.figure import Figure
+
+    class Picture(Figure):
+        def _repr_png_(self) -> bytes:
+            buffer = io.BytesIO()
+            self.savefig(buffer, format="png", dpi=self.dpi)
+            return buffer.getvalue()
+
+    return Picture
+
+
+STYLE = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],
     "font.size": 9.5,
@@ -252,8 +291,10 @@ class _Panels:
         dpi: int,
         title: str,
         fine: bool = True,
+        painter: Painter | None = None,
     ) -> None:
         self.view, self.dimension, self.fine = view, dimension, fine
+        self.painter: Painter = painter or paint
         inch = _Inches(dimension)
         panel = (width - inch.right - columns * inch.left - (columns - 1) * inch.gap) / columns
         if dimension == 2:
@@ -270,7 +311,7 @@ class _Panels:
         height_all = (
             head + rows * (tall + inch.title) + (rows - 1) * inch.gap + inch.bottom * (rows if dimension == 2 else 1)
         )
-        self.figure = _figure(width, height_all, dpi)
+        self.figure = new_figure(width, height_all, dpi)
         self.shape = (max(round(tall * dpi), 2), max(round(panel * dpi), 2))
         size = (self.shape[1] / dpi / width, self.shape[0] / dpi / height_all)
         self.axes = []
@@ -330,7 +371,7 @@ class _Panels:
 
     def show(self, panel: int, frame: vtkhdf.Frame, end: float) -> None:
         """Draw a frame of a run that ends at ``end`` [s] into a panel."""
-        self.images[panel].set_data(paint(frame, self.view, self.shape, self.fine))
+        self.images[panel].set_data(self.painter(frame, self.view, self.shape, self.fine))
         decimals = max(2 - int(np.floor(np.log10(end))), 0) if end > 0.0 else 2
         self.times[panel].set_text(f"t = {frame.time:.{decimals}f} s")
 
@@ -358,16 +399,39 @@ def draw_frames(
 
     Args:
         chosen: the frames, at least one.
-        path: the picture, ``*.png``.
+        path: the picture, ``*.png``, ``*.pdf`` or ``*.svg``.
         settings: colours and camera.
         title: text above.
         dpi: pixels per inch.
+    """
+    frames_figure(chosen, settings, title, dpi).savefig(path, dpi=dpi)
+    return path
+
+
+def frames_figure(
+    chosen: Sequence[vtkhdf.Frame],
+    settings: OutputSettings | None = None,
+    title: str = "",
+    dpi: int = 150,
+    painter: Painter | None = None,
+) -> Any:
+    """Return matplotlib's figure of some frames, each in a panel, with one colour scale.
+
+    Args:
+        chosen: the frames, at least one.
+        settings: colours and camera.
+        title: text above.
+        dpi: pixels per inch.
+        painter: what paints a panel; default: `paint`.
+
+    Raises:
+        KeyError: the frames do not have the field that is to colour them.
     """
     import matplotlib
 
     settings = settings or OutputSettings()
     view = view_of(chosen, settings)
-    with matplotlib.rc_context(_STYLE):
+    with matplotlib.rc_context(STYLE):
         columns = 1 if len(chosen) == 1 else 2
         if len(chosen) > 1 and chosen[0].dimension == 2 and view.size[1] > 1.4 * view.size[0]:
             columns = len(chosen)
@@ -379,32 +443,64 @@ def draw_frames(
             8.0 if columns == 1 else 10.5,
             dpi,
             title,
+            painter=painter,
         )
         for axes in panels.axes[len(chosen) :]:
             axes.set_axis_off()
         for number, frame in enumerate(chosen):
             panels.show(number, frame, max(f.time for f in chosen))
-        panels.figure.savefig(path, dpi=dpi)
-    return path
+    return panels.figure
+
+
+def plot(frame: vtkhdf.Frame, colour: str | None, dpi: int, settings: Mapping[str, Any], title: str = "") -> Any:
+    """Return matplotlib's figure of one frame.
+
+    Args:
+        frame: the frame.
+        colour: field that colours it; default: ``speed``.
+        dpi: pixels per inch.
+        settings: further keys of a case's ``[output]`` table.
+        title: text above.
+
+    Raises:
+        KeyError: no such field.
+        ValidationError: a setting that is not allowed.
+    """
+    return frames_figure([frame], OutputSettings.model_validate({"colour": colour or "speed", **settings}), title, dpi)
 
 
 def animate(
-    reader: vtkhdf.Reader, path: Path, settings: OutputSettings | None = None, title: str = "", dpi: int = 96
+    reader: vtkhdf.Reader,
+    path: Path,
+    settings: OutputSettings | None = None,
+    title: str = "",
+    dpi: int = 96,
+    painter: Painter | None = None,
+    told: Callable[[int, int], None] | None = None,
 ) -> Path:
     """Animate the frames of a run; return the file, whose ending says the format (``.gif``, ``.mp4``).
 
     At most 100 frames are drawn. Where ffmpeg cannot write an mp4 a gif is made instead.
+
+    Args:
+        reader: the frames.
+        path: the film.
+        settings: colours and camera.
+        title: text above.
+        dpi: pixels per inch.
+        painter: what paints a frame; default: `paint`.
+        told: is told how many pictures are drawn, and of how many.
     """
     import matplotlib
 
     settings = settings or OutputSettings()
     stride = max(-(-len(reader) // _ANIMATION_FRAMES), 1)
     numbers = list(range(0, len(reader), stride))
-    fields = _fields(reader, settings)
+    fields = fields_of(reader, settings)
     sample = [reader.read(n, fields) for n in numbers[:: max(len(numbers) // 12, 1)]]
     view = view_of(sample, settings)
-    with matplotlib.rc_context(_STYLE):
-        panels = _Panels(view, reader.dimension, 1, 1, 8.0, dpi, title, fine=False)
+    with matplotlib.rc_context(STYLE):
+        panels = _Panels(view, reader.dimension, 1, 1, 8.0, dpi, title, False, painter)
 
         def images() -> Iterator[NDArray[np.uint8]]:
             canvas, axes = panels.figure.canvas, panels.axes[0]
@@ -413,7 +509,9 @@ def animate(
                 artist.set_animated(True)
             canvas.draw()
             still = canvas.copy_from_bbox(panels.figure.bbox)
-            for number in numbers:
+            for done, number in enumerate(numbers):
+                if told is not None:
+                    told(done, len(numbers))
                 panels.show(0, reader.read(number, fields), float(reader.times[-1]))
                 canvas.restore_region(still)
                 for artist in moving:
@@ -421,68 +519,15 @@ def animate(
                 yield np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
 
         if path.suffix == ".mp4":
-            if _write_mp4(images(), path):
+            if write_mp4(images(), path):
                 return path
             path = path.with_suffix(".gif")
-        _write_gif(images(), path, map_of(settings))
+        write_gif(images(), path, map_of(settings))
     return path
 
 
-def _write_gif(images: Iterator[NDArray[np.uint8]], path: Path, colours: Any) -> None:
-    from PIL import Image
-
-    all_images = list(images)
-    # One palette for all, from the first, the middle and the last picture: no flicker.
-    # The colour scale is given weight, or much white would leave it few colours.
-    some = [all_images[i] for i in sorted({0, len(all_images) // 2, len(all_images) - 1})]
-    width = some[0].shape[1]
-    scale = (colours(np.linspace(0.0, 1.0, width))[:, :3] * 255.0 + 0.5).astype(np.uint8)
-    some.append(np.broadcast_to(scale, (some[0].shape[0], width, 3)))
-    palette = Image.fromarray(np.concatenate(some)).quantize(
-        colors=255, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE
-    )
-    entries = np.array(palette.getpalette()).reshape(-1, 3)
-    entries[entries.min(axis=1) > 247] = 255  # white is white
-    palette.putpalette(entries.reshape(-1).tolist())
-    drawn = [Image.fromarray(i).quantize(palette=palette, dither=Image.Dither.NONE) for i in all_images]
-    duration = [round(1000 / _FRAMES_PER_SECOND)] * len(drawn)
-    duration[-1] = 1500
-    drawn[0].save(path, save_all=True, append_images=drawn[1:], duration=duration, loop=0)
-
-
-def _write_mp4(images: Iterator[NDArray[np.uint8]], path: Path) -> bool:
-    """Write an mp4 with ffmpeg; return whether that went well."""
-    ffmpeg = shutil.which("ffmpeg")
-    if ffmpeg is None:
-        return False
-    process: Any = None
-    try:
-        for image in images:
-            even = np.ascontiguousarray(image[: image.shape[0] // 2 * 2, : image.shape[1] // 2 * 2])
-            if process is None:
-                size = f"{even.shape[1]}x{even.shape[0]}"
-                options = f"-y -f rawvideo -pix_fmt rgb24 -s {size} -r {_FRAMES_PER_SECOND} -i -"
-                encoding = "-an -c:v libx264 -crf 20 -pix_fmt yuv420p -movflags +faststart"
-                process = subprocess.Popen(
-                    [ffmpeg, *options.split(), *encoding.split(), str(path)],
-                    stdin=subprocess.PIPE,
-                    stdout=subprocess.DEVNULL,
-                    stderr=subprocess.DEVNULL,
-                )
-            process.stdin.write(even.tobytes())
-    except OSError:  # ffmpeg gave up (no such encoder)
-        pass
-    if process is None:
-        return False
-    with contextlib.suppress(OSError):
-        process.stdin.close()
-    if process.wait() == 0:
-        return True
-    path.unlink(missing_ok=True)
-    return False
-
-
-def _fields(reader: vtkhdf.Reader, settings: OutputSettings) -> list[str]:
+def fields_of(reader: vtkhdf.Reader, settings: OutputSettings) -> list[str]:
+    """Return the fields that pictures need, of those that the frames have."""
     wanted = [*_DRAWN, *([] if settings.colour == "speed" else [settings.colour])]
     return [name for name in dict.fromkeys(wanted) if name in reader.fields]
 
@@ -517,10 +562,10 @@ def draw_run(
         with vtkhdf.Reader(file) as reader:
             drawn.append(_draw_snapshot(reader, folder / "snapshot.png", settings, title))
             if settings.animation != "none" and len(reader) > 2:
-                mp4 = settings.animation == "mp4" or (settings.animation == "auto" and shutil.which("ffmpeg"))
+                mp4 = settings.animation == "mp4" or (settings.animation == "auto" and ffmpeg())
                 drawn.append(animate(reader, folder / f"animation.{'mp4' if mp4 else 'gif'}", settings, title))
-    with matplotlib.rc_context(_STYLE):
-        drawn += plot_gauges(folder, GAUGE_FOLDER, _figure, references)
+    with matplotlib.rc_context(STYLE):
+        drawn += plot_gauges(folder, GAUGE_FOLDER, new_figure, references)
     return drawn
 
 
@@ -530,5 +575,5 @@ def _draw_snapshot(reader: vtkhdf.Reader, path: Path, settings: OutputSettings, 
     numbers = sorted({round(last * share) for share in (0.25, 0.5, 0.75, 1.0)})
     if len(numbers) == 3:
         numbers = numbers[-2:]
-    fields = _fields(reader, settings)
+    fields = fields_of(reader, settings)
     return draw_frames([reader.read(n, fields) for n in numbers], path, settings, title)

@@ -100,7 +100,11 @@ def _patch(
 
 
 def compose(*layers: tuple[NDArray[np.int64], Colours]) -> Image:
-    """Return the RGB image of layers (owner of each pixel, colour of each particle), first one lowest."""
+    """Return the RGB image of layers, the first one lowest, shape (height, width, 3).
+
+    Args:
+        layers: which particle each pixel shows, shape (height, width), and the colour of each, shape (particles, 3).
+    """
     height, width = layers[0][0].shape
     image = np.full((height, width, 3), _WHITE, dtype=np.uint8)
     for owner, colours in layers:

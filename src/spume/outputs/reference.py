@@ -45,22 +45,22 @@ class Reference(Parameters):
     value: str = ""
     """Column of the gauge that is compared; default: its principal value."""
     time_scale: Annotated[float, Field(gt=0.0)] = 1.0
-    """Seconds per unit of the reference's time."""
+    """Length of the reference's unit of time [s]."""
     scale: float = 1.0
-    """SI units per unit of the reference's value."""
+    """What one unit of the reference's value is in the unit of the gauge [unit of the gauge]."""
     time_label: str = "t [s]"
     """The reference's time and its unit, for tables and pictures."""
     label: str = ""
     """The reference's value and its unit; default: the gauge's."""
     window: tuple[float, float] | None = None
-    """Times from and to which errors and peak are taken, in the reference's unit; default: all."""
+    """Times from and to which errors and peak are taken [unit of the reference]; default: all."""
     threshold: float | None = None
-    """Value whose first crossing is the arrival, in the reference's unit; default: a tenth of the range."""
+    """Value whose first crossing is the arrival [unit of the reference]; default: a tenth of the range."""
     shift_max: Annotated[float, Field(ge=0.0)] = 0.0
-    """Largest time shift allowed, in the reference's unit. One common shift, the one with the smallest
+    """Largest time shift allowed [unit of the reference]. One common shift, the one with the smallest
     errors, is applied to all references that allow one (a gate is not instantaneous), and reported."""
     peak_band: tuple[float, float] | None = None
-    """Band of the peak over repeated experiments; default: the peaks of ``lower`` and ``upper``."""
+    """Band of the peak over repeated experiments [unit of the reference]; default: that of ``lower`` and ``upper``."""
     source: str = ""
     """Publication, as cited in pictures."""
 
@@ -100,7 +100,13 @@ class Reference(Parameters):
 
 @dataclass(frozen=True)
 class Series:
-    """A series in time, with the band of repeated experiments where there is one."""
+    """A series in time, with the band of repeated experiments where there is one.
+
+    Attributes:
+        time: instants, in the reference's unit, shape (instants,).
+        value: values there, in the reference's unit, shape (instants,).
+        lower, upper: edges of the band, shape (instants,), or None.
+    """
 
     time: NDArray[np.float64]
     value: NDArray[np.float64]
@@ -156,7 +162,7 @@ class Comparison:
 
 
 def first_crossing(time: NDArray[np.float64], value: NDArray[np.float64], threshold: float) -> float | None:
-    """Return when a series first crosses a threshold, from the side on which it begins; None if never."""
+    """Return when a series, shape (instants,), first crosses a threshold from where it begins; None if never."""
     good = np.isfinite(value)
     time, value = time[good], value[good]
     if len(value) == 0:
@@ -185,7 +191,11 @@ def compare(references: Sequence[Reference], folder: Path) -> list[Comparison]:
 
 
 def simulated(reference: Reference, folder: Path) -> Series:
-    """Return a gauge's series from a run folder, in the reference's units and without time shift."""
+    """Return a gauge's series from a run folder, in the reference's units and without time shift.
+
+    Raises:
+        ValueError: the gauge does not measure what the reference is compared with.
+    """
     file = gauge_path(folder, reference.gauge)
     columns, _ = read_columns(file)
     names = [n for n in columns if n != "time"]

@@ -19,21 +19,31 @@ class FieldLike(Protocol):
     """What a snapshot needs to know of a field; ``spume.particles.Field`` has it."""
 
     @property
-    def unit(self) -> str: ...
+    def unit(self) -> str:
+        """SI unit."""
+        ...
 
     @property
-    def doc(self) -> str: ...
+    def doc(self) -> str:
+        """What it is, in one sentence."""
+        ...
 
     @property
-    def output(self) -> bool: ...
+    def output(self) -> bool:
+        """Whether it is worth writing to frames."""
+        ...
 
 
 class PoseLike(Protocol):
     """What a snapshot needs to know of where a body is; ``spume.motion.Pose`` has it."""
 
-    def origin(self, points: NDArray[np.float64]) -> NDArray[np.float64]: ...
+    def origin(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return where points of the body [m], shape (n, d), were at the start."""
+        ...
 
-    def unturned(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]: ...
+    def unturned(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return vectors, shape (n, d) or (d,), in the axes that the body had at the start."""
+        ...
 
 
 _TURNING = ("velocity", "acceleration", "pressure_gradient", "to_surface")

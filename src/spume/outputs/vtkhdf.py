@@ -319,10 +319,39 @@ class Frame:
     def __repr__(self) -> str:
         return f"<Frame {self.index}: t = {self.time:g} s, {len(self)} rows, {', '.join(self.fields)}>"
 
+    def _repr_html_(self) -> str:
+        from spume.notebook import frame_html
+
+        return frame_html(self)
+
     @property
     def fields(self) -> tuple[str, ...]:
         """Names of the fields."""
         return tuple(self.arrays)
+
+    def plot(self, colour: str | None = None, *, dpi: int = 110, **settings: Any) -> Any:
+        """Return matplotlib's figure of the particles; see `spume.simulation.Simulation.plot`."""
+        from spume.outputs.pictures import plot
+
+        return plot(self, colour, dpi, settings)
+
+    def to_meshio(self) -> Any:
+        """Return a ``meshio.Mesh`` with every field; see `spume.outputs.export.to_meshio`."""
+        from spume.outputs.export import to_meshio
+
+        return to_meshio(self)
+
+    def to_pyvista(self) -> Any:
+        """Return a ``pyvista.PolyData`` with every field; see `spume.outputs.export.to_pyvista`."""
+        from spume.outputs.export import to_pyvista
+
+        return to_pyvista(self)
+
+    def to_surface(self, colour: str = "speed") -> Any:
+        """Return the surface of the water in 3D as a mesh; see `spume.outputs.export.to_surface`."""
+        from spume.outputs.export import to_surface
+
+        return to_surface(self, colour)
 
     @property
     def position(self) -> NDArray[Any]:

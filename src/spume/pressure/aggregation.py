@@ -56,30 +56,35 @@ def stretches() -> int:
 
 
 @kernels.cached
-def level_type() -> Any:
-    """Return the type that holds the arrays of the particles' level, or of all coarse levels one after another."""
-    real = kernels.runtime().real
-    Reals, Rows, Starts = (kernels.array_type(t) for t in (real, kernels.i32, kernels.i64))
+def level_type(value: Any) -> Any:
+    """Return the type that holds the arrays of the particles' level, or of all coarse levels one after another.
+
+    Args:
+        value: type of the matrix entries. All other reals are of single precision: half the bytes, and a
+            preconditioner needs no more.
+    """
+    Values, Singles, Rows = (kernels.array_type(t) for t in (value, kernels.f32, kernels.i32))
 
     @dataclass
     class Level:
         row: Rows  # type: ignore[valid-type]  # rows that have an equation, in ascending order
-        start: Starts  # type: ignore[valid-type]  # first slot of a row
+        start: Rows  # type: ignore[valid-type]  # first slot of a row
         length: Rows  # type: ignore[valid-type]  # entries beside the diagonal
         column: Rows  # type: ignore[valid-type]
-        value: Reals  # type: ignore[valid-type]
-        diagonal: Reals  # type: ignore[valid-type]
-        inverse: Reals  # type: ignore[valid-type]  # of the diagonal, damped; 0 for a row that has no equation
+        value: Values  # type: ignore[valid-type]
+        diagonal: Singles  # type: ignore[valid-type]
+        excess: Singles  # type: ignore[valid-type]  # sum of a coarse row, the diagonal included
+        inverse: Singles  # type: ignore[valid-type]  # of the diagonal, damped; 0 for a row that has no equation
         aggregate: Rows  # type: ignore[valid-type]  # row of the next level, -1 for none
         member: Rows  # type: ignore[valid-type]  # rows of this level by aggregate
         first: Rows  # type: ignore[valid-type]  # members of a row of the level before: first,
         last: Rows  # type: ignore[valid-type]  # behind the last
         cell: Rows  # type: ignore[valid-type]
-        right: Reals  # type: ignore[valid-type]  # right side, or what remains of it
-        old: Reals  # type: ignore[valid-type]  # correction before,
-        new: Reals  # type: ignore[valid-type]  # and after the last sweep
-        image: Reals  # type: ignore[valid-type]  # A new
-        kept: Reals  # type: ignore[valid-type]  # first direction of the inner iteration
+        right: Singles  # type: ignore[valid-type]  # right side, or what remains of it
+        old: Singles  # type: ignore[valid-type]  # correction before,
+        new: Singles  # type: ignore[valid-type]  # and after the last sweep
+        image: Singles  # type: ignore[valid-type]  # A new
+        kept: Singles  # type: ignore[valid-type]  # first direction of the inner iteration
 
     return Level
 
@@ -103,12 +108,17 @@ def scratch_type() -> Any:
 
 
 @kernels.cached
-def stages() -> Any:
-    """Return the stages of building a level, as functions of one block of rows, cells or aggregates."""
+def stages(value: Any, finest: bool) -> Any:
+    """Return the stages of building a level, as functions of one block of rows, cells or aggregates.
+
+    Args:
+        value: type of the matrix entries of the level before.
+        finest: whether that is the particles' level.
+    """
     qd, real = kernels.qd, kernels.runtime().real
-    i32, i64 = kernels.i32, kernels.i64
-    Level, Scratch = level_type(), scratch_type()
-    Rows = kernels.array_type(i32)
+    i32, i64, f32 = kernels.i32, kernels.i64, kernels.f32
+    Level, Coarse, Scratch = level_type(value), level_type(f32), scratch_type()
+    Rows, Reals = kernels.array_type(i32), kernels.array_type(real)
     tiny = 1e-10 if kernels.runtime().precision == "double" else 1e-4
 
     @kernels.func
@@ -188,8 +198,8 @@ def stages() -> Any:
                         i = scratch.order[s]
                         least = scratch.label[i]
                         first = level.start[at + i]
-                        for k in range(level.length[at + i]):
-                            j = level.column[first + k]
+                        for k in range(first, first + level.length[at + i]):
+                            j = level.column[k]
                             if level.aggregate[at + j] == c:
                                 least = qd.min(least, scratch.label[j])
                         if least < scratch.label[i]:
@@ -207,7 +217,7 @@ def stages() -> Any:
 
     @kernels.func
     def number(
-        b: i32, parts: i32, level: Level, at: i32, coarse: Level, to: i32, n: i32, scratch: Scratch,  # type: ignore[valid-type]
+        b: i32, parts: i32, level: Level, at: i32, coarse: Coarse, to: i32, n: i32, scratch: Scratch,  # type: ignore[valid-type]
     ):  # fmt: skip
         """Number the aggregates of each cell and list their rows."""
         for c in range(bound(b, parts, n), bound(b + 1, parts, n)):
@@ -231,10 +241,14 @@ def stages() -> Any:
 
     @kernels.func
     def combine(
-        b: i32, parts: i32, level: Level, at: i32, coarse: Level, to: i32, n: i32, slots: i32, room: i32,  # type: ignore[valid-type]
-        scratch: Scratch, table: Rows,  # type: ignore[valid-type]
+        b: i32, parts: i32, level: Level, diagonal: Reals, at: i32, coarse: Coarse, to: i32, n: i32, slots: i32,  # type: ignore[valid-type]
+        room: i32, scratch: Scratch, table: Rows,  # type: ignore[valid-type]
     ):  # fmt: skip
-        """Sum the rows and columns of each aggregate; a block's rows lie packed in its stretch of the slots."""
+        """Sum the rows and columns of each aggregate; a block's rows lie packed in its stretch of the slots.
+
+        The sum of a coarse row is that of the sums of its rows; with it the diagonal does not suffer from
+        cancellation, however weakly an aggregate is tied to a known pressure.
+        """
         begin = bound(b, parts, n)
         end = bound(b + 1, parts, n)
         cursor = slots + qd.cast(qd.cast(room, i64) * b // parts, i32)
@@ -243,37 +257,59 @@ def stages() -> Any:
         for c in range(n):
             scratch.marker[marker + c] = -1
         for own in range(begin, end):
+            # The first slot takes what lies inside the aggregate, so that no entry needs a question of its own.
             first = cursor
-            total = qd.cast(0, real)
+            cursor += 1
+            if cursor > limit:
+                qd.atomic_or(table[OVERFLOW], TOO_FEW_SLOTS)
+                cursor = first
+                continue
+            scratch.marker[marker + own] = first
+            coarse.value[first] = 0
+            excess = qd.cast(0, real)
             size = qd.cast(0, real)
             for s in range(coarse.first[to + own], coarse.last[to + own]):
                 i = at + level.member[at + s]
-                total += level.diagonal[i]
                 size += level.diagonal[i]
+                if kernels.static(finest):
+                    excess += diagonal[i]
+                else:
+                    excess += level.excess[i]
                 start = level.start[i]
-                for k in range(level.length[i]):
-                    j = level.aggregate[at + level.column[start + k]]
-                    v = level.value[start + k]
-                    if j == own:
-                        total += v
-                    elif j >= 0:
+                for k in range(start, start + level.length[i]):
+                    j = level.aggregate[at + level.column[k]]
+                    v = level.value[k]
+                    if kernels.static(finest):
+                        excess += v
+                    if j >= 0:
                         m = scratch.marker[marker + j]
                         if m >= first:
-                            coarse.value[m] += v
+                            coarse.value[m] += qd.cast(v, f32)
                         elif cursor < limit:
                             scratch.marker[marker + j] = cursor
                             coarse.column[cursor] = j
-                            coarse.value[cursor] = v
+                            coarse.value[cursor] = qd.cast(v, f32)
                             cursor += 1
                         else:
                             qd.atomic_or(table[OVERFLOW], TOO_FEW_SLOTS)
+            coarse.column[first] = own
+            cursor -= 1
+            # The last entry takes that slot, and the next row the last entry's.
+            scratch.marker[marker + coarse.column[cursor]] = -1
+            coarse.column[first] = coarse.column[cursor]
+            coarse.value[first] = coarse.value[cursor]
+            total = excess
+            for k in range(first, cursor):
+                total -= coarse.value[k]
             row = to + own
             coarse.start[row] = first
             coarse.length[row] = cursor - first
-            coarse.diagonal[row] = total
+            coarse.diagonal[row] = qd.cast(total, f32)
+            coarse.excess[row] = qd.cast(excess, f32)
             # Without a tie to a known pressure an aggregate that stands alone has no equation left.
             weight = qd.select(cursor > first, qd.cast(DAMPING, real), qd.cast(1, real))
-            coarse.inverse[row] = qd.select(total > tiny * size, weight / qd.max(total, tiny * size), qd.cast(0, real))
+            inverse = qd.select(total > tiny * size, weight / qd.max(total, tiny * size), qd.cast(0, real))
+            coarse.inverse[row] = qd.cast(inverse, f32)
             coarse.row[row] = own
         return cursor
 
@@ -284,14 +320,13 @@ def stages() -> Any:
 
 
 @kernels.cached
-def particle_stages(d: int) -> Any:
+def particle_stages(d: int, value: Any) -> Any:
     """Return the stages that read positions: the bounds of the unknown rows and their cells."""
     qd, real = kernels.qd, kernels.runtime().real
-    i32 = kernels.i32
-    Level, Scratch = level_type(), scratch_type()
-    Rows, Vectors = (kernels.array_type(t) for t in (i32, kernels.vector(d)))
-    shared = stages()
-    bound = shared.bound
+    i32, f32 = kernels.i32, kernels.f32
+    Level, Scratch = level_type(value), scratch_type()
+    Rows, Reals, Vectors = (kernels.array_type(t) for t in (i32, real, kernels.vector(d)))
+    bound = stages(value, True).bound
     huge = 1e30
 
     @kernels.func
@@ -343,8 +378,8 @@ def particle_stages(d: int) -> Any:
 
     @kernels.func
     def place_particles(
-        b: i32, parts: i32, level: Level, position: Vectors, state: Rows, low: Vectors, counts: Rows, scratch: Scratch,  # type: ignore[valid-type]
-        table: Rows, cell: real, n: i32,  # type: ignore[valid-type]
+        b: i32, parts: i32, level: Level, diagonal: Reals, position: Vectors, state: Rows, low: Vectors, counts: Rows,  # type: ignore[valid-type]
+        scratch: Scratch, table: Rows, cell: real, n: i32,  # type: ignore[valid-type]
     ):  # fmt: skip
         """List the unknown rows and count the connected ones into the cells of the first level."""
         # Cells are aligned to multiples of their width, so that they move only as a whole.
@@ -356,8 +391,8 @@ def particle_stages(d: int) -> Any:
             if state[i] == UNKNOWN:
                 level.row[found] = i
                 found += 1
-                if level.diagonal[i] > 0:
-                    inverse = 1 / level.diagonal[i]
+                if diagonal[i] > 0:
+                    inverse = 1 / diagonal[i]
                 if level.length[i] > 0:
                     inverse *= DAMPING
                     index = qd.floor(position[i] / cell) - origin
@@ -368,7 +403,8 @@ def particle_stages(d: int) -> Any:
                         # A position that is no number must not point outside.
                         c = c * s + qd.max(qd.cast(index[axis], i32) % s, 0)
                     qd.atomic_add(scratch.cursor[c], 1)
-            level.inverse[i] = inverse
+            level.diagonal[i] = qd.cast(diagonal[i], f32)
+            level.inverse[i] = qd.cast(inverse, f32)
             level.aggregate[i] = c
 
     return SimpleNamespace(survey=survey, grid=grid, place_particles=place_particles)

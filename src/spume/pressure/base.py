@@ -23,7 +23,8 @@ class Solution:
 
     Attributes:
         iterations: number of iterations.
-        residual: ||b - A x|| / (||b||^2 + (START_SHARE ||D x0||)^2)^(1/2).
+        residual: ||b - A x|| / (||b||^2 + (START_SHARE ||D x0||)^2 + n (e/tolerance)^2)^(1/2) with n rows and e what
+            the system neglects (``LinearSystem.negligible``).
         fallbacks: 1 if another method had to finish the solve.
     """
 
@@ -45,6 +46,13 @@ class Solver(Scheme, family="solver"):
 
     tolerance: float = Parameter(default=1e-5, gt=0.0, lt=1.0)
     """Relative residual at which the iteration stops (see ``Solution``) [1]."""
+    volume_error: float = Parameter(default=0.0, ge=0.0, lt=1.0)
+    """Relative change of volume in a step, root mean square, that the pressure may leave; 0: ``tolerance`` decides [1].
+
+    The residual r of the pressure equation is a rate of change of the divergence, and dt^2 r the part of a particle's
+    volume by which it changes in the step against the source. The iteration stops when the residual is small against
+    the right side or against volume_error/dt^2.
+    """
     largest_iterations: int = Parameter(default=10_000, ge=1)
     """Iterations after which it gives up [1]."""
 

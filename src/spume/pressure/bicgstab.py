@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 from spume import kernels
 from spume.particles import Field, Particles
 from spume.pressure.base import START_SHARE, Solution, Solver
-from spume.pressure.conjugate_gradient import BLOCKS, solution
+from spume.pressure.conjugate_gradient import BLOCKS, floor, solution
 from spume.pressure.matrix import UNKNOWN, LinearSystem
 
 _VECTORS = ("residual", "shadow", "direction", "product", "middle", "middle_product", "scaled")
@@ -23,7 +23,7 @@ class StabilisedBiconjugateGradient(Solver, name="bicgstab"):
 
     def __call__(self, system: LinearSystem, particles: Particles) -> Solution:
         """Solve for the unknown rows of the system."""
-        start, iterate = _kernels()
+        start, iterate = _kernels(system.real)
         partial, scalars, running = _workspace()
         vectors = [
             particles[system.solution],
@@ -33,7 +33,7 @@ class StabilisedBiconjugateGradient(Solver, name="bicgstab"):
         matrix = [system.start, particles[system.length], system.column, system.value]
         start(
             *matrix, *vectors, particles[system.rhs], particles[system.state], partial, scalars, running,
-            self.tolerance, particles.active,
+            self.tolerance, floor(system, self), particles.active,
         )  # fmt: skip
         if int(kernels.host(running)) == 1:
             iterate(
@@ -56,9 +56,9 @@ def _workspace() -> Any:
 
 
 @kernels.cached
-def _kernels() -> Any:
+def _kernels(entry: Any) -> Any:
     real = kernels.runtime().real
-    Reals, Rows, Starts = (kernels.array_type(t) for t in (real, kernels.i32, kernels.i64))
+    Reals, Values, Rows = (kernels.array_type(t) for t in (real, entry, kernels.i32))
     Flag = kernels.qd.types.ndarray(dtype=kernels.i32, ndim=0)
     serial, qd, blocks = kernels.runtime().serial, kernels.qd, BLOCKS
 
@@ -74,19 +74,20 @@ def _kernels() -> Any:
         return s
 
     @kernels.func
-    def row_product(start: Starts, length: Rows, column: Rows, value: Reals, diagonal: Reals, x: Reals, i: kernels.i32):  # type: ignore[no-untyped-def]
+    def row_product(start: Rows, length: Rows, column: Rows, value: Values, diagonal: Reals, x: Reals, i: kernels.i32):  # type: ignore[no-untyped-def]
         product = diagonal[i] * x[i]
         first = start[i]
-        for k in range(length[i]):
-            product += value[first + k] * x[column[first + k]]
+        for k in range(first, first + length[i]):
+            product += value[k] * x[column[k]]
         return product
 
     # scalars: 0 b.b, 1 r.r, 2 rho, 3 beta, 4 iterations, 5 omega
     @kernels.kernel
     def start_bicgstab(
-        start: Starts, length: Rows, column: Rows, value: Reals,
+        start: Rows, length: Rows, column: Rows, value: Values,
         x: Reals, diagonal: Reals, r: Reals, shadow: Reals, p: Reals, v: Reals, s: Reals, t: Reals, y: Reals,
-        rhs: Reals, state: Rows, partial: Reals, scalars: Reals, running: Flag, tolerance: real, count: kernels.i32,
+        rhs: Reals, state: Rows, partial: Reals, scalars: Reals, running: Flag, tolerance: real, floor: real,
+        count: kernels.i32,
     ):  # fmt: skip
         qd.loop_config(serialize=serial)
         for b in range(blocks):
@@ -96,7 +97,7 @@ def _kernels() -> Any:
                 rest = qd.cast(0, real)
                 if state[i] == UNKNOWN:
                     rest = rhs[i] - row_product(start, length, column, value, diagonal, x, i)
-                    bb += rhs[i] * rhs[i] + START_SHARE**2 * (diagonal[i] * x[i]) ** 2
+                    bb += rhs[i] * rhs[i] + START_SHARE**2 * (diagonal[i] * x[i]) ** 2 + floor
                 r[i] = rest
                 shadow[i] = rest
                 p[i] = rest
@@ -116,7 +117,7 @@ def _kernels() -> Any:
 
     @kernels.qd.kernel(graph=True)
     def iterate_bicgstab(
-        start: Starts, length: Rows, column: Rows, value: Reals,
+        start: Rows, length: Rows, column: Rows, value: Values,
         x: Reals, diagonal: Reals, r: Reals, shadow: Reals, p: Reals, v: Reals, s: Reals, t: Reals, y: Reals,
         partial: Reals, scalars: Reals, running: Flag, tolerance: real, largest: kernels.i32, count: kernels.i32,
     ):  # fmt: skip

@@ -24,7 +24,7 @@ class Components:
         self._floating = kernels.array(kernels.i32, 1)
 
     def project(self, system: LinearSystem, particles: Particles) -> list[NDArray[np.intp]]:
-        """Make the right side of each floating component sum to zero; return the components' rows."""
+        """Make the right side of each floating component sum to zero; return the components' rows, shape (rows,)."""
         kernel = _label_kernel()
         state, label = particles[system.state], particles["component"]
         _start_kernel()(state, label, particles.active)
@@ -53,7 +53,7 @@ class Components:
 
     @staticmethod
     def centre(components: list[NDArray[np.intp]], particles: Particles) -> None:
-        """Give the pressure of each floating component the mean zero."""
+        """Give the pressure of each floating component, its rows of shape (rows,), the mean zero."""
         if not components:
             return
         pressure = particles.numpy("pressure")
@@ -62,13 +62,9 @@ class Components:
         particles.set("pressure", pressure)
 
 
-def _types() -> tuple[Any, Any]:
-    return kernels.array_type(kernels.i32), kernels.array_type(kernels.i64)
-
-
 @kernels.cached
 def _start_kernel() -> Any:
-    Rows, _ = _types()
+    Rows = kernels.array_type(kernels.i32)
     serial, qd = kernels.runtime().serial, kernels.qd
 
     @kernels.kernel
@@ -83,12 +79,12 @@ def _start_kernel() -> Any:
 @kernels.cached
 def _label_kernel() -> Any:
     """One round of hooking and pointer jumping: rounds grow with the logarithm of the component's size."""
-    Rows, Starts = _types()
+    Rows = kernels.array_type(kernels.i32)
     serial, qd = kernels.runtime().serial, kernels.qd
 
     @kernels.kernel
     def label_round(
-        start: Starts, length: Rows, column: Rows, state: Rows, label: Rows,
+        start: Rows, length: Rows, column: Rows, state: Rows, label: Rows,
         grounded: Rows, changed: Rows, count: kernels.i32,
     ):  # fmt: skip
         qd.loop_config(serialize=serial)
@@ -96,8 +92,8 @@ def _label_kernel() -> Any:
             if state[i] == UNKNOWN:
                 least = label[i]
                 first = start[i]
-                for k in range(length[i]):
-                    least = qd.min(least, label[column[first + k]])
+                for k in range(first, first + length[i]):
+                    least = qd.min(least, label[column[k]])
                 if least < label[i]:
                     qd.atomic_min(label[label[i]], least)
                     qd.atomic_min(label[i], least)
@@ -114,7 +110,7 @@ def _label_kernel() -> Any:
 
 @kernels.cached
 def _ground_kernel() -> Any:
-    Rows, _ = _types()
+    Rows = kernels.array_type(kernels.i32)
     serial, qd = kernels.runtime().serial, kernels.qd
 
     @kernels.kernel

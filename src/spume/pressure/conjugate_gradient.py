@@ -12,8 +12,6 @@ from spume.pressure.matrix import UNKNOWN, LinearSystem
 BLOCKS = 128
 """Sums are made of this many partial sums, whatever the number of threads: the same bits every time."""
 
-_VECTORS = ("cg_residual", "cg_direction", "cg_product")
-
 
 class ConjugateGradient(Solver, name="cg"):
     """Preconditioned conjugate gradients (Hestenes & Stiefel 1952), preconditioner: the diagonal.
@@ -24,6 +22,7 @@ class ConjugateGradient(Solver, name="cg"):
     ids: ClassVar = ("A4",)
     reference: ClassVar = "hestenes1952"
     symmetric_only: ClassVar = True
+    vectors: ClassVar = ("cg_residual", "cg_direction", "cg_product")
     needs: ClassVar = (
         Field("cg_residual", (), "1/s^2", "residual r"),
         Field("cg_direction", (), "Pa", "search direction p"),
@@ -32,13 +31,13 @@ class ConjugateGradient(Solver, name="cg"):
 
     def __call__(self, system: LinearSystem, particles: Particles) -> Solution:
         """Solve for the unknown rows of the system."""
-        start, iterate = _kernels()
+        start, iterate = _kernels(system.real)
         partial, scalars, running = _workspace()
-        vectors = [particles[n] for n in (system.solution, *_VECTORS, system.diagonal)]
+        vectors = [particles[n] for n in (system.solution, *self.vectors, system.diagonal)]
         matrix = [system.start, particles[system.length], system.column, system.value]
         start(
             *matrix, *vectors, particles[system.rhs], particles[system.state], partial, scalars, running,
-            self.tolerance, particles.active,
+            self.tolerance, floor(system, self), particles.active,
         )  # fmt: skip
         if int(kernels.host(running)) == 1:
             iterate(
@@ -52,6 +51,11 @@ class ConjugateGradient(Solver, name="cg"):
                 particles.active,
             )
         return solution(kernels.host(scalars), self)
+
+
+def floor(system: LinearSystem, solver: Solver) -> float:
+    """Return what a row adds to the square of the norm that the residual is relative to."""
+    return (system.negligible / solver.tolerance) ** 2
 
 
 def solution(scalars: Any, solver: Solver) -> Solution:
@@ -79,7 +83,7 @@ def _workspace() -> Any:
 
 
 @kernels.cached
-def _kernels() -> Any:
+def _kernels(entry: Any) -> Any:
     """Return the kernels that start and that iterate.
 
     The stages of an iteration are functions of one block of rows. With several threads each stage is a
@@ -87,7 +91,7 @@ def _kernels() -> Any:
     plain loop, which costs a single launch per solve.
     """
     real = kernels.runtime().real
-    Reals, Rows, Starts = (kernels.array_type(t) for t in (real, kernels.i32, kernels.i64))
+    Reals, Values, Rows = (kernels.array_type(t) for t in (real, entry, kernels.i32))
     Flag = kernels.qd.types.ndarray(dtype=kernels.i32, ndim=0)
     serial, qd, blocks = kernels.runtime().serial, kernels.qd, BLOCKS
 
@@ -104,8 +108,8 @@ def _kernels() -> Any:
 
     @kernels.func
     def residual(
-        b: kernels.i32, start: Starts, length: Rows, column: Rows, value: Reals, x: Reals, r: Reals, p: Reals,
-        diagonal: Reals, rhs: Reals, state: Rows, partial: Reals, count: kernels.i32,
+        b: kernels.i32, start: Rows, length: Rows, column: Rows, value: Values, x: Reals, r: Reals, p: Reals,
+        diagonal: Reals, rhs: Reals, state: Rows, partial: Reals, floor: real, count: kernels.i32,
     ):  # fmt: skip
         rr = qd.cast(0, real)
         rz = qd.cast(0, real)
@@ -115,9 +119,9 @@ def _kernels() -> Any:
             if state[i] == UNKNOWN:
                 first = start[i]
                 rest = rhs[i] - diagonal[i] * x[i]
-                for k in range(length[i]):
-                    rest -= value[first + k] * x[column[first + k]]
-                bb += rhs[i] * rhs[i] + START_SHARE**2 * (diagonal[i] * x[i]) ** 2
+                for k in range(first, first + length[i]):
+                    rest -= value[k] * x[column[k]]
+                bb += rhs[i] * rhs[i] + START_SHARE**2 * (diagonal[i] * x[i]) ** 2 + floor
             r[i] = rest
             p[i] = rest / diagonal[i]
             rr += rest * rest
@@ -128,15 +132,15 @@ def _kernels() -> Any:
 
     @kernels.func
     def product(
-        b: kernels.i32, start: Starts, length: Rows, column: Rows, value: Reals, p: Reals, q: Reals,
+        b: kernels.i32, start: Rows, length: Rows, column: Rows, value: Values, p: Reals, q: Reals,
         diagonal: Reals, partial: Reals, count: kernels.i32,
     ):  # fmt: skip
         pq = qd.cast(0, real)
         for i in range(bound(b, count), bound(b + 1, count)):
             s = diagonal[i] * p[i]
             first = start[i]
-            for k in range(length[i]):
-                s += value[first + k] * p[column[first + k]]
+            for k in range(first, first + length[i]):
+                s += value[k] * p[column[k]]
             q[i] = s
             pq += p[i] * s
         partial[b] = pq
@@ -174,13 +178,13 @@ def _kernels() -> Any:
 
     @kernels.kernel
     def start_cg(
-        start: Starts, length: Rows, column: Rows, value: Reals,
+        start: Rows, length: Rows, column: Rows, value: Values,
         x: Reals, r: Reals, p: Reals, q: Reals, diagonal: Reals, rhs: Reals, state: Rows,
-        partial: Reals, scalars: Reals, running: Flag, tolerance: real, count: kernels.i32,
+        partial: Reals, scalars: Reals, running: Flag, tolerance: real, floor: real, count: kernels.i32,
     ):  # fmt: skip
         qd.loop_config(serialize=serial)
         for b in range(blocks):
-            residual(b, start, length, column, value, x, r, p, diagonal, rhs, state, partial, count)
+            residual(b, start, length, column, value, x, r, p, diagonal, rhs, state, partial, floor, count)
         qd.loop_config(serialize=True)
         for _ in range(1):
             scalars[0] = total(partial, 0)
@@ -191,7 +195,7 @@ def _kernels() -> Any:
 
     @kernels.kernel
     def iterate_in_one_thread(
-        start: Starts, length: Rows, column: Rows, value: Reals,
+        start: Rows, length: Rows, column: Rows, value: Values,
         x: Reals, r: Reals, p: Reals, q: Reals, diagonal: Reals,
         partial: Reals, scalars: Reals, running: Flag, tolerance: real, largest: kernels.i32, count: kernels.i32,
     ):  # fmt: skip
@@ -208,7 +212,7 @@ def _kernels() -> Any:
 
     @kernels.qd.kernel(graph=True)
     def iterate(
-        start: Starts, length: Rows, column: Rows, value: Reals,
+        start: Rows, length: Rows, column: Rows, value: Values,
         x: Reals, r: Reals, p: Reals, q: Reals, diagonal: Reals,
         partial: Reals, scalars: Reals, running: Flag, tolerance: real, largest: kernels.i32, count: kernels.i32,
     ):  # fmt: skip

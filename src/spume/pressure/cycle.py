@@ -52,25 +52,25 @@ def program(depth: int, inner: int) -> list[tuple[int, int]]:
 
 
 @kernels.cached
-def cycle_stages(symmetric: bool) -> Any:
+def cycle_stages(symmetric: bool, value: Any) -> Any:
     """Return the parts of the cycle, as functions of one block of rows.
 
     Inner and outer iterations choose their steps by products with a test vector t: t = z of a correction z for a
     symmetric matrix (conjugate gradients, least energy), t = A z else (conjugate residuals, least residual).
     """
     qd, real = kernels.qd, kernels.runtime().real
-    i32 = kernels.i32
-    Level = level_type()
+    i32, f32 = kernels.i32, kernels.f32
+    Level, Coarse = level_type(value), level_type(f32)
     Reals = kernels.array_type(real)
-    bound = stages().bound
+    bound = stages(value, value != f32).bound
 
     @kernels.func
     def rest_of(level: Level, at: i32, i: i32):  # type: ignore[no-untyped-def, valid-type]
         """Return row i of right - A old."""
         s = level.right[i] - level.diagonal[i] * level.old[i]
         first = level.start[i]
-        for k in range(level.length[i]):
-            s -= level.value[first + k] * level.old[at + level.column[first + k]]
+        for k in range(first, first + level.length[i]):
+            s -= qd.cast(level.value[k], f32) * level.old[at + level.column[k]]
         return s
 
     @kernels.func
@@ -88,16 +88,16 @@ def cycle_stages(symmetric: bool) -> Any:
             level.new[i] = rest_of(level, at, i)
 
     @kernels.func
-    def restrict(b: i32, parts: i32, level: Level, at: i32, coarse: Level, to: i32, n: i32):  # type: ignore[no-untyped-def, valid-type]
+    def restrict(b: i32, parts: i32, level: Level, at: i32, coarse: Coarse, to: i32, n: i32):  # type: ignore[no-untyped-def, valid-type]
         """Sum what the sweep left over in each aggregate."""
         for own in range(to + bound(b, parts, n), to + bound(b + 1, parts, n)):
-            s = qd.cast(0, real)
+            s = qd.cast(0, f32)
             for m in range(coarse.first[own], coarse.last[own]):
                 s += level.new[at + level.member[at + m]]
             coarse.right[own] = s
 
     @kernels.func
-    def correct(b: i32, parts: i32, level: Level, at: i32, n: i32, coarse: Level, to: i32):  # type: ignore[no-untyped-def, valid-type]
+    def correct(b: i32, parts: i32, level: Level, at: i32, n: i32, coarse: Coarse, to: i32):  # type: ignore[no-untyped-def, valid-type]
         for t in range(at + bound(b, parts, n), at + bound(b + 1, parts, n)):
             i = at + level.row[t]
             c = level.aggregate[i]
@@ -116,8 +116,8 @@ def cycle_stages(symmetric: bool) -> Any:
         """Return row i of A new."""
         s = level.diagonal[i] * level.new[i]
         first = level.start[i]
-        for k in range(level.length[i]):
-            s += level.value[first + k] * level.new[at + level.column[first + k]]
+        for k in range(first, first + level.length[i]):
+            s += qd.cast(level.value[k], f32) * level.new[at + level.column[k]]
         return s
 
     @kernels.func
@@ -131,8 +131,8 @@ def cycle_stages(symmetric: bool) -> Any:
             if kernels.static(symmetric):
                 t_i = level.new[i]
             level.image[i] = s
-            energy += s * t_i
-            share += level.right[i] * t_i
+            energy += qd.cast(s * t_i, real)
+            share += qd.cast(level.right[i] * t_i, real)
         partial[3 * b] = energy
         partial[3 * b + 1] = share
 
@@ -147,9 +147,9 @@ def cycle_stages(symmetric: bool) -> Any:
             t_i = s
             if kernels.static(symmetric):
                 t_i = level.new[i]
-            energy += s * t_i
-            share += level.right[i] * t_i
-            overlap += level.image[i] * t_i
+            energy += qd.cast(s * t_i, real)
+            share += qd.cast(level.right[i] * t_i, real)
+            overlap += qd.cast(level.image[i] * t_i, real)
         partial[3 * b] = energy
         partial[3 * b + 1] = share
         partial[3 * b + 2] = overlap
@@ -174,7 +174,7 @@ def cycle_stages(symmetric: bool) -> Any:
 
     @kernels.func
     def first_step(b: i32, parts: i32, level: Level, at: i32, n: i32, number: i32, scalars: Reals):  # type: ignore[no-untyped-def, valid-type]
-        step = scalars[SCALARS + 4 * number + 1]
+        step = qd.cast(scalars[SCALARS + 4 * number + 1], f32)
         for t in range(at + bound(b, parts, n), at + bound(b + 1, parts, n)):
             i = at + level.row[t]
             level.right[i] -= step * level.image[i]
@@ -190,8 +190,8 @@ def cycle_stages(symmetric: bool) -> Any:
 
     @kernels.func
     def second_step(b: i32, parts: i32, level: Level, at: i32, n: i32, number: i32, scalars: Reals):  # type: ignore[no-untyped-def, valid-type]
-        step = scalars[SCALARS + 4 * number + 2]
-        kept = scalars[SCALARS + 4 * number + 3]
+        step = qd.cast(scalars[SCALARS + 4 * number + 2], f32)
+        kept = qd.cast(scalars[SCALARS + 4 * number + 3], f32)
         for t in range(at + bound(b, parts, n), at + bound(b + 1, parts, n)):
             i = at + level.row[t]
             level.new[i] = kept * level.kept[i] + step * level.new[i]
@@ -205,29 +205,31 @@ def cycle_stages(symmetric: bool) -> Any:
 
 
 @kernels.cached
-def outer_stages(symmetric: bool) -> Any:
-    """Return the parts of the outer iteration, as functions of one block of rows."""
+def outer_stages(symmetric: bool, value: Any) -> Any:
+    """Return the parts of the outer iteration, as functions of one block of rows, in the run's precision."""
     qd, real = kernels.qd, kernels.runtime().real
-    i32 = kernels.i32
-    Level = level_type()
+    i32, f32 = kernels.i32, kernels.f32
+    Level = level_type(value)
     Reals = kernels.array_type(real)
-    bound, shared = stages().bound, cycle_stages(symmetric)
-    image_of, total, ratio = shared.image_of, shared.total, shared.ratio
+    shared = cycle_stages(symmetric, value)
+    bound, total, ratio = stages(value, value != f32).bound, shared.total, shared.ratio
 
     @kernels.func
     def residual(
-        b: i32, parts: i32, level: Level, x: Reals, rhs: Reals, p: Reals, q: Reals, partial: Reals, n: i32,  # type: ignore[valid-type]
+        b: i32, parts: i32, level: Level, diagonal: Reals, x: Reals, rhs: Reals, r: Reals, p: Reals, q: Reals,  # type: ignore[valid-type]
+        partial: Reals, floor: real, n: i32,  # type: ignore[valid-type]
     ):  # fmt: skip
         bb = qd.cast(0, real)
         rr = qd.cast(0, real)
         for t in range(bound(b, parts, n), bound(b + 1, parts, n)):
             i = level.row[t]
             first = level.start[i]
-            rest = rhs[i] - level.diagonal[i] * x[i]
-            for k in range(level.length[i]):
-                rest -= level.value[first + k] * x[level.column[first + k]]
-            bb += rhs[i] * rhs[i] + START_SHARE**2 * (level.diagonal[i] * x[i]) ** 2
-            level.right[i] = rest
+            rest = rhs[i] - diagonal[i] * x[i]
+            for k in range(first, first + level.length[i]):
+                rest -= level.value[k] * x[level.column[k]]
+            bb += rhs[i] * rhs[i] + START_SHARE**2 * (diagonal[i] * x[i]) ** 2 + floor
+            r[i] = rest
+            level.right[i] = qd.cast(rest, f32)
             p[i] = 0
             q[i] = 0
             rr += rest * rest
@@ -242,19 +244,24 @@ def outer_stages(symmetric: bool) -> Any:
         scalars[ITERATIONS] = 0
 
     @kernels.func
-    def products(b: i32, parts: i32, level: Level, q: Reals, partial: Reals, n: i32):  # type: ignore[no-untyped-def, valid-type]
+    def products(
+        b: i32, parts: i32, level: Level, diagonal: Reals, r: Reals, q: Reals, image: Reals, partial: Reals, n: i32,  # type: ignore[valid-type]
+    ):  # fmt: skip
         energy = qd.cast(0, real)
         share = qd.cast(0, real)
         overlap = qd.cast(0, real)
         for t in range(bound(b, parts, n), bound(b + 1, parts, n)):
             i = level.row[t]
-            s = image_of(level, 0, i)
+            s = diagonal[i] * level.new[i]
+            first = level.start[i]
+            for k in range(first, first + level.length[i]):
+                s += qd.cast(level.value[k], real) * level.new[level.column[k]]
             t_i = s
             if kernels.static(symmetric):
-                t_i = level.new[i]
-            level.image[i] = s
+                t_i = qd.cast(level.new[i], real)
+            image[i] = s
             energy += s * t_i
-            share += level.right[i] * t_i
+            share += r[i] * t_i
             overlap += q[i] * t_i
         partial[3 * b] = energy
         partial[3 * b + 1] = share
@@ -272,17 +279,21 @@ def outer_stages(symmetric: bool) -> Any:
         scalars[ITERATIONS] += 1
 
     @kernels.func
-    def advance(b: i32, parts: i32, level: Level, x: Reals, p: Reals, q: Reals, partial: Reals, scalars: Reals, n: i32):  # type: ignore[no-untyped-def, valid-type]
+    def advance(
+        b: i32, parts: i32, level: Level, x: Reals, r: Reals, p: Reals, q: Reals, image: Reals, partial: Reals,  # type: ignore[valid-type]
+        scalars: Reals, n: i32,  # type: ignore[valid-type]
+    ):  # fmt: skip
         turn = scalars[TURN]
         step = scalars[STEP]
         rr = qd.cast(0, real)
         for t in range(bound(b, parts, n), bound(b + 1, parts, n)):
             i = level.row[t]
             p[i] = level.new[i] + turn * p[i]
-            q[i] = level.image[i] + turn * q[i]
+            q[i] = image[i] + turn * q[i]
             x[i] += step * p[i]
-            rest = level.right[i] - step * q[i]
-            level.right[i] = rest
+            rest = r[i] - step * q[i]
+            r[i] = rest
+            level.right[i] = qd.cast(rest, f32)
             rr += rest * rest
         partial[3 * b] = rr
 
@@ -293,12 +304,12 @@ def outer_stages(symmetric: bool) -> Any:
 def run_function(symmetric: bool) -> Any:
     """Return the function that runs a program on the coarse levels in one thread."""
     i32 = kernels.i32
-    Level = level_type()
+    Coarse = level_type(kernels.f32)
     Reals, Rows = kernels.array_type(kernels.runtime().real), kernels.array_type(i32)
-    c = cycle_stages(symmetric)
+    c = cycle_stages(symmetric, kernels.f32)
 
     @kernels.func
-    def run(operations: Rows, first: i32, last: i32, coarse: Level, table: Rows, partial: Reals, scalars: Reals):  # type: ignore[no-untyped-def, valid-type]
+    def run(operations: Rows, first: i32, last: i32, coarse: Coarse, table: Rows, partial: Reals, scalars: Reals):  # type: ignore[no-untyped-def, valid-type]
         for step in range(first, last):
             operation = operations[2 * step]
             level = operations[2 * step + 1]
@@ -326,95 +337,122 @@ def run_function(symmetric: bool) -> Any:
 
 
 @kernels.cached
-def solve_in_one_thread(symmetric: bool) -> Any:
+def solve_in_one_thread(symmetric: bool, value: Any) -> Any:
     """Return the kernel that iterates in one go."""
     qd, real = kernels.qd, kernels.runtime().real
     i32 = kernels.i32
-    Level = level_type()
+    Level, Coarse = level_type(value), level_type(kernels.f32)
     Reals, Rows = kernels.array_type(real), kernels.array_type(i32)
-    c, o, run = cycle_stages(symmetric), outer_stages(symmetric), run_function(symmetric)
+    f, o, run = cycle_stages(symmetric, value), outer_stages(symmetric, value), run_function(symmetric)
 
     @kernels.kernel
     def solve_by_multigrid(
-        level: Level, coarse: Level, table: Rows, operations: Rows, length: i32, x: Reals, rhs: Reals,  # type: ignore[valid-type]
-        p: Reals, q: Reals, partial: Reals, scalars: Reals, tolerance: real, largest: i32,  # type: ignore[valid-type]
+        level: Level, coarse: Coarse, table: Rows, operations: Rows, length: i32, diagonal: Reals, x: Reals,  # type: ignore[valid-type]
+        rhs: Reals, r: Reals, p: Reals, q: Reals, image: Reals, partial: Reals, scalars: Reals, tolerance: real,  # type: ignore[valid-type]
+        floor: real, largest: i32,  # type: ignore[valid-type]
     ):  # fmt: skip
         qd.loop_config(serialize=True)
         for _ in range(1):
             n = table[1]
-            o.residual(0, 1, level, x, rhs, p, q, partial, n)
+            o.residual(0, 1, level, diagonal, x, rhs, r, p, q, partial, floor, n)
             o.begin(1, partial, scalars)
             while scalars[REST] > tolerance * tolerance * scalars[RIGHT] and scalars[ITERATIONS] < largest:
-                c.smooth(0, 1, level, 0, n)
+                f.smooth(0, 1, level, 0, n)
                 if length > 0:
-                    c.leave(0, 1, level, 0, n)
-                    c.restrict(0, 1, level, 0, coarse, 0, table[3])
+                    f.leave(0, 1, level, 0, n)
+                    f.restrict(0, 1, level, 0, coarse, 0, table[3])
                     run(operations, 0, length, coarse, table, partial, scalars)
-                    c.correct(0, 1, level, 0, n, coarse, 0)
-                c.polish(0, 1, level, 0, n)
-                o.products(0, 1, level, q, partial, n)
+                    f.correct(0, 1, level, 0, n, coarse, 0)
+                f.polish(0, 1, level, 0, n)
+                o.products(0, 1, level, diagonal, r, q, image, partial, n)
                 o.decide(1, partial, scalars)
-                o.advance(0, 1, level, x, p, q, partial, scalars, n)
+                o.advance(0, 1, level, x, r, p, q, image, partial, scalars, n)
                 scalars[REST] = partial[0]
 
     return solve_by_multigrid
 
 
 @kernels.cached
-def parallel_kernels(symmetric: bool) -> Any:
+def parallel_kernels(symmetric: bool, value: Any) -> Any:
     """Return the kernels that work on one level with all threads, and the one that runs a part of the program."""
     qd, real = kernels.qd, kernels.runtime().real
     i32 = kernels.i32
-    Level = level_type()
+    Level, Coarse = level_type(value), level_type(kernels.f32)
     Reals, Rows = kernels.array_type(real), kernels.array_type(i32)
-    c, o, run = cycle_stages(symmetric), outer_stages(symmetric), run_function(symmetric)
+    c = cycle_stages(symmetric, kernels.f32)
+    f, o, run = cycle_stages(symmetric, value), outer_stages(symmetric, value), run_function(symmetric)
 
     @kernels.kernel
     def start(
-        level: Level, x: Reals, rhs: Reals, p: Reals, q: Reals, partial: Reals, scalars: Reals, n: i32, parts: i32,  # type: ignore[valid-type]
+        level: Level, diagonal: Reals, x: Reals, rhs: Reals, r: Reals, p: Reals, q: Reals, partial: Reals,  # type: ignore[valid-type]
+        scalars: Reals, floor: real, n: i32, parts: i32,  # type: ignore[valid-type]
     ):  # fmt: skip
         qd.loop_config(block_dim=1)
         for b in range(parts):
-            o.residual(b, parts, level, x, rhs, p, q, partial, n)
+            o.residual(b, parts, level, diagonal, x, rhs, r, p, q, partial, floor, n)
         for _ in range(1):
             o.begin(parts, partial, scalars)
 
     @kernels.kernel
-    def descend(level: Level, at: i32, n: i32, coarse: Level, to: i32, n_coarse: i32, parts: i32):  # type: ignore[no-untyped-def, valid-type]
+    def descend_finest(level: Level, n: i32, coarse: Coarse, n_coarse: i32, parts: i32):  # type: ignore[no-untyped-def, valid-type]
         qd.loop_config(block_dim=1)
         for b in range(parts):
-            c.smooth(b, parts, level, at, n)
+            f.smooth(b, parts, level, 0, n)
         qd.loop_config(block_dim=1)
         for b in range(parts):
-            c.leave(b, parts, level, at, n)
+            f.leave(b, parts, level, 0, n)
         qd.loop_config(block_dim=1)
         for b in range(parts):
-            c.restrict(b, parts, level, at, coarse, to, n_coarse)
+            f.restrict(b, parts, level, 0, coarse, 0, n_coarse)
 
     @kernels.kernel
-    def ascend(level: Level, at: i32, n: i32, coarse: Level, to: i32, parts: i32):  # type: ignore[no-untyped-def, valid-type]
+    def ascend_finest(level: Level, n: i32, coarse: Coarse, parts: i32):  # type: ignore[no-untyped-def, valid-type]
         qd.loop_config(block_dim=1)
         for b in range(parts):
-            c.correct(b, parts, level, at, n, coarse, to)
+            f.correct(b, parts, level, 0, n, coarse, 0)
         qd.loop_config(block_dim=1)
         for b in range(parts):
-            c.polish(b, parts, level, at, n)
+            f.polish(b, parts, level, 0, n)
 
     @kernels.kernel
-    def advance(level: Level, x: Reals, p: Reals, q: Reals, partial: Reals, scalars: Reals, n: i32, parts: i32):  # type: ignore[no-untyped-def, valid-type]
+    def advance(
+        level: Level, diagonal: Reals, x: Reals, r: Reals, p: Reals, q: Reals, image: Reals, partial: Reals,  # type: ignore[valid-type]
+        scalars: Reals, n: i32, parts: i32,  # type: ignore[valid-type]
+    ):  # fmt: skip
         qd.loop_config(block_dim=1)
         for b in range(parts):
-            o.products(b, parts, level, q, partial, n)
+            o.products(b, parts, level, diagonal, r, q, image, partial, n)
         for _ in range(1):
             o.decide(parts, partial, scalars)
         qd.loop_config(block_dim=1)
         for b in range(parts):
-            o.advance(b, parts, level, x, p, q, partial, scalars, n)
+            o.advance(b, parts, level, x, r, p, q, image, partial, scalars, n)
         for _ in range(1):
             scalars[REST] = c.total(partial, parts, 0)
 
     @kernels.kernel
-    def first(level: Level, at: i32, n: i32, number: i32, partial: Reals, scalars: Reals, parts: i32):  # type: ignore[no-untyped-def, valid-type]
+    def descend(coarse: Coarse, at: i32, n: i32, to: i32, n_coarse: i32, parts: i32):  # type: ignore[no-untyped-def, valid-type]
+        qd.loop_config(block_dim=1)
+        for b in range(parts):
+            c.smooth(b, parts, coarse, at, n)
+        qd.loop_config(block_dim=1)
+        for b in range(parts):
+            c.leave(b, parts, coarse, at, n)
+        qd.loop_config(block_dim=1)
+        for b in range(parts):
+            c.restrict(b, parts, coarse, at, coarse, to, n_coarse)
+
+    @kernels.kernel
+    def ascend(coarse: Coarse, at: i32, n: i32, to: i32, parts: i32):  # type: ignore[no-untyped-def, valid-type]
+        qd.loop_config(block_dim=1)
+        for b in range(parts):
+            c.correct(b, parts, coarse, at, n, coarse, to)
+        qd.loop_config(block_dim=1)
+        for b in range(parts):
+            c.polish(b, parts, coarse, at, n)
+
+    @kernels.kernel
+    def first(level: Coarse, at: i32, n: i32, number: i32, partial: Reals, scalars: Reals, parts: i32):  # type: ignore[no-untyped-def, valid-type]
         qd.loop_config(block_dim=1)
         for b in range(parts):
             c.first_products(b, parts, level, at, n, partial)
@@ -425,7 +463,7 @@ def parallel_kernels(symmetric: bool) -> Any:
             c.first_step(b, parts, level, at, n, number, scalars)
 
     @kernels.kernel
-    def second(level: Level, at: i32, n: i32, number: i32, partial: Reals, scalars: Reals, parts: i32):  # type: ignore[no-untyped-def, valid-type]
+    def second(level: Coarse, at: i32, n: i32, number: i32, partial: Reals, scalars: Reals, parts: i32):  # type: ignore[no-untyped-def, valid-type]
         qd.loop_config(block_dim=1)
         for b in range(parts):
             c.second_products(b, parts, level, at, n, partial)
@@ -436,11 +474,12 @@ def parallel_kernels(symmetric: bool) -> Any:
             c.second_step(b, parts, level, at, n, number, scalars)
 
     @kernels.kernel
-    def run_part(operations: Rows, begin: i32, end: i32, coarse: Level, table: Rows, partial: Reals, scalars: Reals):  # type: ignore[no-untyped-def, valid-type]
+    def run_part(operations: Rows, begin: i32, end: i32, coarse: Coarse, table: Rows, partial: Reals, scalars: Reals):  # type: ignore[no-untyped-def, valid-type]
         qd.loop_config(serialize=True)
         for _ in range(1):
             run(operations, begin, end, coarse, table, partial, scalars)
 
     return SimpleNamespace(
-        start=start, descend=descend, ascend=ascend, advance=advance, first=first, second=second, run_part=run_part
-    )
+        start=start, descend_finest=descend_finest, ascend_finest=ascend_finest, advance=advance, descend=descend,
+        ascend=ascend, first=first, second=second, run_part=run_part,
+    )  # fmt: skip

@@ -19,15 +19,17 @@ from spume.pressure.aggregation import (
 
 
 @kernels.cached
-def coarsening() -> Any:
+def coarsening(value: Any, finest: bool) -> Any:
     """Return the function that builds level k + 1 from level k in one thread."""
     i32 = kernels.i32
-    Level, Scratch = level_type(), scratch_type()
-    Rows = kernels.array_type(i32)
-    s = stages()
+    Level, Coarse, Scratch = level_type(value), level_type(kernels.f32), scratch_type()
+    Rows, Reals = kernels.array_type(i32), kernels.array_type(kernels.runtime().real)
+    s = stages(value, finest)
 
     @kernels.func
-    def coarsen(level: Level, coarse: Level, scratch: Scratch, table: Rows, k: i32, rows: i32, slots: i32):  # type: ignore[no-untyped-def, valid-type]
+    def coarsen(
+        level: Level, diagonal: Reals, coarse: Coarse, scratch: Scratch, table: Rows, k: i32, rows: i32, slots: i32,  # type: ignore[valid-type]
+    ):  # fmt: skip
         """Build level k + 1 once the rows of level k are counted into cells."""
         at = table[2 * k]
         to = at + table[2 * k + 1]
@@ -45,7 +47,7 @@ def coarsening() -> Any:
         elif found > 0:
             s.number(0, 1, level, at, coarse, to, n, scratch)
             used = table[SLOTS]
-            table[SLOTS] = s.combine(0, 1, level, at, coarse, to, found, used, slots - used, scratch, table)
+            table[SLOTS] = s.combine(0, 1, level, diagonal, at, coarse, to, found, used, slots - used, scratch, table)
             table[DEPTH] = k + 2
 
     return coarsen
@@ -56,31 +58,34 @@ BEHIND_DEPTH = 256
 
 
 @kernels.cached
-def build_in_one_thread(d: int) -> Any:
+def build_in_one_thread(d: int, value: Any) -> Any:
     """Return the kernel that builds all levels in one go; it returns their number, and what there was no room for."""
     qd, real = kernels.qd, kernels.runtime().real
-    i32 = kernels.i32
-    Level, Scratch = level_type(), scratch_type()
-    Rows, Vectors = kernels.array_type(i32), kernels.array_type(kernels.vector(d))
-    s, p, coarsen = stages(), particle_stages(d), coarsening()
+    i32, f32 = kernels.i32, kernels.f32
+    Level, Coarse, Scratch = level_type(value), level_type(f32), scratch_type()
+    Rows, Reals, Vectors = (kernels.array_type(t) for t in (i32, real, kernels.vector(d)))
+    s, p = stages(f32, False), particle_stages(d, value)
+    coarsen = coarsening(f32, False)
+
+    first = coarsening(value, True)
 
     @kernels.kernel
     def build_levels(
-        level: Level, coarse: Level, scratch: Scratch, table: Rows, low: Vectors, high: Vectors, position: Vectors,  # type: ignore[valid-type]
-        state: Rows, cell: real, count: i32, rows: i32, slots: i32, most: i32,  # type: ignore[valid-type]
+        level: Level, diagonal: Reals, coarse: Coarse, scratch: Scratch, table: Rows, low: Vectors, high: Vectors,  # type: ignore[valid-type]
+        position: Vectors, state: Rows, cell: real, count: i32, rows: i32, slots: i32, most: i32,  # type: ignore[valid-type]
     ) -> i32:  # type: ignore[valid-type]  # fmt: skip
         qd.loop_config(serialize=True)
         for _ in range(1):
             p.survey(0, 1, position, state, low, high, scratch.sums, count)
             p.grid(1, low, high, scratch.sums, table, cell, most)
             s.zero(0, 1, scratch.cursor, s.cells(table, 0), 0)
-            p.place_particles(0, 1, level, position, state, low, scratch.sums, scratch, table, cell, count)
-            coarsen(level, coarse, scratch, table, 0, rows, slots)
+            p.place_particles(0, 1, level, diagonal, position, state, low, scratch.sums, scratch, table, cell, count)
+            first(level, diagonal, coarse, scratch, table, 0, rows, slots)
             k = 1
             while table[DEPTH] == k + 1 and table[OVERFLOW] == 0 and k < LEVELS:
                 s.zero(0, 1, scratch.cursor, s.cells(table, k), 0)
                 s.place(0, 1, coarse, table[2 * k], table[2 * k + 1], k, scratch, table)
-                coarsen(coarse, coarse, scratch, table, k, rows, slots)
+                coarsen(coarse, diagonal, coarse, scratch, table, k, rows, slots)
                 k += 1
         return table[DEPTH] + BEHIND_DEPTH * table[OVERFLOW]
 
@@ -88,13 +93,14 @@ def build_in_one_thread(d: int) -> Any:
 
 
 @kernels.cached
-def build_with_threads(d: int) -> tuple[Any, Any, Any]:
+def build_with_threads(d: int, value: Any) -> tuple[Any, Any, Any]:
     """Return the kernels that build the first level, a further level, and all that are left in one thread."""
     qd, real = kernels.qd, kernels.runtime().real
-    i32 = kernels.i32
-    Level, Scratch = level_type(), scratch_type()
-    Rows, Vectors = kernels.array_type(i32), kernels.array_type(kernels.vector(d))
-    s, p, coarsen = stages(), particle_stages(d), coarsening()
+    i32, f32 = kernels.i32, kernels.f32
+    Level, Coarse, Scratch = level_type(value), level_type(f32), scratch_type()
+    Rows, Reals, Vectors = (kernels.array_type(t) for t in (i32, real, kernels.vector(d)))
+    s, p = stages(f32, False), particle_stages(d, value)
+    f, coarsen = stages(value, True), coarsening(f32, False)
     parts, combined = blocks(), stretches()
 
     @kernels.func
@@ -118,8 +124,8 @@ def build_with_threads(d: int) -> tuple[Any, Any, Any]:
 
     @kernels.kernel
     def build_first(
-        level: Level, coarse: Level, scratch: Scratch, table: Rows, low: Vectors, high: Vectors, position: Vectors,  # type: ignore[valid-type]
-        state: Rows, cell: real, count: i32, rows: i32, slots: i32, most: i32,  # type: ignore[valid-type]
+        level: Level, diagonal: Reals, coarse: Coarse, scratch: Scratch, table: Rows, low: Vectors, high: Vectors,  # type: ignore[valid-type]
+        position: Vectors, state: Rows, cell: real, count: i32, rows: i32, slots: i32, most: i32,  # type: ignore[valid-type]
     ):  # fmt: skip
         qd.loop_config(block_dim=1)
         for b in range(parts):
@@ -131,29 +137,33 @@ def build_with_threads(d: int) -> tuple[Any, Any, Any]:
             s.zero(b, parts, scratch.cursor, s.cells(table, 0), 0)
         qd.loop_config(block_dim=1)
         for b in range(parts):
-            p.place_particles(b, parts, level, position, state, low, scratch.sums, scratch, table, cell, count)
+            p.place_particles(
+                b, parts, level, diagonal, position, state, low, scratch.sums, scratch, table, cell, count
+            )
         for _ in range(1):
             s.scan(s.cells(table, 0), scratch.cursor, scratch.begin)
         qd.loop_config(block_dim=1)
         for b in range(parts):
-            s.scatter(b, parts, level, 0, table[1], scratch)
+            f.scatter(b, parts, level, 0, table[1], scratch)
         qd.loop_config(block_dim=1)
         for b in range(parts):
-            s.split(b, parts, level, 0, s.cells(table, 0), 0, scratch)
+            f.split(b, parts, level, 0, s.cells(table, 0), 0, scratch)
         for _ in range(1):
             enter(table, 0, s.scan(s.cells(table, 0), scratch.cursor, scratch.base), rows)
         qd.loop_config(block_dim=1)
         for b in range(parts):
             if table[OVERFLOW] == 0:
-                s.number(b, parts, level, 0, coarse, 0, s.cells(table, 0), scratch)
+                f.number(b, parts, level, 0, coarse, 0, s.cells(table, 0), scratch)
         qd.loop_config(block_dim=1)
         for b in range(combined):
-            s.combine(b, combined, level, 0, coarse, 0, table[3], 0, room(table, slots), scratch, table)
+            f.combine(b, combined, level, diagonal, 0, coarse, 0, table[3], 0, room(table, slots), scratch, table)
         for _ in range(1):
             table[SLOTS] += room(table, slots)
 
     @kernels.kernel
-    def build_next(coarse: Level, scratch: Scratch, table: Rows, k: i32, rows: i32, slots: i32):  # type: ignore[no-untyped-def, valid-type]
+    def build_next(
+        coarse: Coarse, diagonal: Reals, scratch: Scratch, table: Rows, k: i32, rows: i32, slots: i32,  # type: ignore[valid-type]
+    ):  # fmt: skip
         qd.loop_config(block_dim=1)
         for b in range(parts):
             s.zero(b, parts, scratch.cursor, s.cells(table, k), 0)
@@ -177,21 +187,23 @@ def build_with_threads(d: int) -> tuple[Any, Any, Any]:
         qd.loop_config(block_dim=1)
         for b in range(combined):
             s.combine(
-                b, combined, coarse, table[2 * k], coarse, table[2 * k + 2], table[2 * k + 3], table[SLOTS],
-                room(table, slots), scratch, table,
+                b, combined, coarse, diagonal, table[2 * k], coarse, table[2 * k + 2], table[2 * k + 3],
+                table[SLOTS], room(table, slots), scratch, table,
             )  # fmt: skip
         for _ in range(1):
             table[SLOTS] += room(table, slots)
 
     @kernels.kernel
-    def build_rest(coarse: Level, scratch: Scratch, table: Rows, first: i32, rows: i32, slots: i32):  # type: ignore[no-untyped-def, valid-type]
+    def build_rest(
+        coarse: Coarse, diagonal: Reals, scratch: Scratch, table: Rows, first: i32, rows: i32, slots: i32,  # type: ignore[valid-type]
+    ):  # fmt: skip
         qd.loop_config(serialize=True)
         for _ in range(1):
             k = first
             while table[DEPTH] == k + 1 and table[OVERFLOW] == 0 and k < LEVELS:
                 s.zero(0, 1, scratch.cursor, s.cells(table, k), 0)
                 s.place(0, 1, coarse, table[2 * k], table[2 * k + 1], k, scratch, table)
-                coarsen(coarse, coarse, scratch, table, k, rows, slots)
+                coarsen(coarse, diagonal, coarse, scratch, table, k, rows, slots)
                 k += 1
 
     return build_first, build_next, build_rest

@@ -109,21 +109,27 @@ PRESSURE = Equation(
 
 
 class LinearSystem:
-    """A sparse matrix over the rows of the table, in the slots of the neighbour list.
+    """A sparse matrix over the rows of the table, in compressed rows; only rows with an equation have entries.
+
+    One thread fills a stretch of rows, whose entries lie packed: with one thread all entries lie behind each other.
 
     Args:
         solution, state, diagonal, rhs, length, grounded: names of the fields that hold the system's values.
+        single: whether coefficients are rounded to single precision, whatever that of the run, and stored so. The
+            diagonal is then made of the rounded ones, in the run's precision: a system whose pairs have weights
+            that differ by 6e-8, and whose products move two thirds of the bytes.
 
     Attributes:
         column: row numbers of the entries.
         value: entries beside the diagonal.
-        start: first slot of each row, shared with the neighbour list.
+        start: first slot of each row.
         symmetric: whether the matrix assembled last is symmetric.
+        negligible: root mean square of the residual that may remain, in the unit of the right side.
     """
 
     def __init__(
         self, solution: str = "pressure", state: str = "row_state", diagonal: str = "diagonal", rhs: str = "rhs",
-        length: str = "row_length", grounded: str = "grounded",
+        length: str = "row_length", grounded: str = "grounded", *, single: bool = False,
     ) -> None:  # fmt: skip
         self.solution, self.state, self.diagonal = solution, state, diagonal
         self.rhs, self.length, self.grounded = rhs, length, grounded
@@ -131,7 +137,15 @@ class LinearSystem:
         self.value: Any = None
         self.start: Any = None
         self.symmetric = True
+        self.negligible = 0.0
+        self._single = single
         self._slots = 0
+        self._sums = kernels.array(kernels.i64, 1)
+
+    @property
+    def real(self) -> Any:
+        """The type of the entries in the kernel language."""
+        return kernels.f32 if self._single else kernels.runtime().real
 
     def assemble(
         self, laplacian: Laplacian, lattice: Lattice, particles: Particles, pairs: Pairs, *, over: int = ANY,
@@ -143,12 +157,7 @@ class LinearSystem:
             over: kinds of the rows that take part (those that are not ABSENT).
             arguments: numbers for the equation's ``diagonal`` and ``right``.
         """
-        slots = pairs.list.neighbour.shape[0]
-        if slots != self._slots:
-            self._slots = slots
-            self.column = kernels.array(kernels.i32, slots)
-            self.value = kernels.array(kernels.runtime().real, slots)
-        self.start = pairs.list.start
+        self._place(particles, pairs)
         self.symmetric = laplacian.symmetric
         laplacian.prepare(lattice, particles, pairs, over)
         terms = laplacian.terms()
@@ -160,26 +169,90 @@ class LinearSystem:
         )
         kernel = _assembly_kernel(
             terms, equation, signature, near, own, laplacian.weight.function(), particles.dimension, pairs.periodic,
-            len(arguments),
+            len(arguments), self.real,
         )  # fmt: skip
         kernel(
             particles["position"], particles[self.state], particles[self.diagonal], particles[self.rhs],
             particles[self.length], particles[self.grounded],
-            pairs.list.start, pairs.list.length, pairs.list.neighbour, self.column, self.value,
+            self.start, pairs.list.start, pairs.list.length, pairs.list.neighbour, self.column, self.value,
             *[particles[n] for n in (*near, *own)],
-            particles.active, laplacian.radius(lattice), laplacian.scale(lattice), *arguments,
-            *pairs.list.period,
+            particles.active, _stretches(particles.active), laplacian.radius(lattice), laplacian.scale(lattice),
+            *arguments, *pairs.list.period,
         )  # fmt: skip
 
+    def _place(self, particles: Particles, pairs: Pairs) -> None:
+        """Make room: every row with an equation gets as many slots as it has neighbours, and no other row any."""
+        blocks = -(-particles.capacity // _ROWS_PER_BLOCK)
+        if self.start is None or self.start.shape[0] != particles.capacity:
+            self.start = kernels.array(kernels.i32, particles.capacity)
+            self._sums = kernels.array(kernels.i64, blocks + 1)
+        _placing_kernel(kernels.light(particles.active))(
+            particles[self.state], pairs.list.length, self.start, self._sums, particles.active
+        )
+        needed = int(kernels.host(self._sums)[-(-particles.active // _ROWS_PER_BLOCK)])
+        if needed > self._slots or self.column is None:
+            # Let go of the old ones first: at ten million rows there is no room for both.
+            self.column = self.value = None
+            self._slots = int(_MORE_SLOTS * needed) + 64
+            self.column = kernels.array(kernels.i32, self._slots)
+            self.value = kernels.array(self.real, self._slots)
+
     def bytes(self) -> int:
-        """Return the memory of the entries [bytes]."""
-        return self._slots * (4 + kernels.runtime().dtype().itemsize)
+        """Return the memory of the entries and their places [bytes]."""
+        places = 0 if self.start is None else 4 * self.start.shape[0] + 8 * self._sums.shape[0]
+        return places + self._slots * (4 + (4 if self._single else kernels.runtime().dtype().itemsize))
+
+
+def _stretches(rows: int) -> int:
+    """Return into how many stretches of rows the assembly is split."""
+    runtime = kernels.runtime()
+    if runtime.device != "cpu":
+        return max(rows, 1)
+    return 1 if runtime.serial else 16 * runtime.threads
+
+
+_ROWS_PER_BLOCK = 64
+
+_MORE_SLOTS = 1.1
+"""Slots that are made when there are too few, as a multiple of those that are needed."""
+
+
+@kernels.cached
+def _placing_kernel(serial: bool) -> Any:
+    """Generate the exclusive sums of the rows' neighbours, over rows with an equation."""
+    Rows, Sums = kernels.array_type(kernels.i32), kernels.array_type(kernels.i64)
+    qd, size = kernels.qd, _ROWS_PER_BLOCK
+
+    @kernels.kernel
+    def place(state: Rows, length: Rows, start: Rows, sums: Sums, count: kernels.i32):
+        qd.loop_config(serialize=serial)
+        for b in range((count + size - 1) // size):
+            total = 0
+            for i in range(b * size, qd.min((b + 1) * size, count)):
+                total += qd.select(state[i] == UNKNOWN, length[i], 0)
+            sums[b] = qd.cast(total, qd.i64)
+        qd.loop_config(serialize=True)
+        for _ in range(1):
+            before = qd.cast(0, qd.i64)
+            for b in range((count + size - 1) // size):
+                own = sums[b]
+                sums[b] = before
+                before += own
+            sums[(count + size - 1) // size] = before
+        qd.loop_config(serialize=serial)
+        for b in range((count + size - 1) // size):
+            slot = sums[b]
+            for i in range(b * size, qd.min((b + 1) * size, count)):
+                start[i] = qd.cast(slot, qd.i32)
+                slot += qd.cast(qd.select(state[i] == UNKNOWN, length[i], 0), qd.i64)
+
+    return place
 
 
 @kernels.cached
 def _assembly_kernel(
     terms: Terms, equation: Equation, signature: Signature, near: tuple[str, ...], own: tuple[str, ...], weight: Any,
-    d: int, periodic: tuple[bool, ...], n_arguments: int,
+    d: int, periodic: tuple[bool, ...], n_arguments: int, value: Any,
 ) -> Any:  # fmt: skip
     """Generate the assembly for one Laplacian model and one equation."""
     Own, loading_own = load(signature, (*near, *own))
@@ -191,78 +264,86 @@ def _assembly_kernel(
         "serial": kernels.runtime().serial, "Vector": kernels.vector(d),
         "Vectors": kernels.array_type(kernels.vector(d)),
         "Starts": kernels.array_type(kernels.i64), "Rows": kernels.array_type(kernels.i32),
-        "Reals": kernels.array_type(real), "missing": terms.diagonal,
-        "leaning": terms.rhs, **vars(equation),
+        "Reals": kernels.array_type(real), "Values": kernels.array_type(value), "entry": value,
+        "missing": terms.diagonal, "leaning": terms.rhs, **vars(equation),
     }  # fmt: skip
     parameters = [
         "position: Vectors", "state: Rows", "out_diagonal: Reals", "out_rhs: Reals", "out_length: Rows",
-        "out_grounded: Rows", "start: Starts", "length: Rows", "neighbour: Rows", "column: Rows", "value: Reals",
+        "out_grounded: Rows", "out_start: Rows", "start: Starts", "length: Rows", "neighbour: Rows",
+        "column: Rows", "value: Values",
     ]  # fmt: skip
     for n in (*near, *own):
         scope[f"In_{n}"] = kernels.array_type(types[n])
         parameters.append(f"in_{n}: In_{n}")
     arguments = [f"argument{k}" for k in range(n_arguments)]
-    parameters += ["count: qd.i32", "re: real", "scale: real"]
+    parameters += ["count: qd.i32", "parts: qd.i32", "re: real", "scale: real"]
     parameters += [f"{n}: real" for n in (*arguments, *[f"period{k}" for k in range(d)])]
     of_equation = "".join(f", {n}" for n in arguments)
     missing = terms.diagonal is not None and equation.outside is not None
     leaning = terms.rhs is not None
     lines = [
         f"def assemble({', '.join(parameters)}):",
-        "    qd.loop_config(serialize=serial)",
-        "    for i in range(count):",
-        "        used = 0",
-        "        tied = 0",
-        "        total = qd.cast(1, real)",
-        "        summed = qd.cast(0, real)",
-        f"        if state[i] == {UNKNOWN}:",
-        f"            a = {loading_own.replace('Row(', 'Own(').format(row='i')}",
-        "            first = start[i]",
-        "            x = position[i]",
-        f"            total = diagonal(a{of_equation})",
-        f"            summed = right(a{of_equation})",
+        "    qd.loop_config(serialize=serial, block_dim=1)",
+        "    for part in range(parts):",
+        "        begin = qd.cast(qd.cast(count, qd.i64) * part // parts, qd.i32)",
+        "        end = qd.cast(qd.cast(count, qd.i64) * (part + 1) // parts, qd.i32)",
+        "        cursor = out_start[begin]",
+        "        for i in range(begin, end):",
+        "            used = 0",
+        "            tied = 0",
+        "            total = qd.cast(1, real)",
+        "            summed = qd.cast(0, real)",
+        f"            if state[i] == {UNKNOWN}:",
+        f"                a = {loading_own.replace('Row(', 'Own(').format(row='i')}",
+        "                first = start[i]",
+        "                x = position[i]",
+        f"                total = diagonal(a{of_equation})",
+        f"                summed = right(a{of_equation})",
         *(
             [
-                "            absent = scale * row(a) * missing(a)",
-                "            total += absent",
-                "            summed += absent * outside(a)",
+                "                absent = scale * row(a) * missing(a)",
+                "                total += absent",
+                "                summed += absent * outside(a)",
             ]
             if missing
             else []
         ),
-        *(["            lean = Vector(0.0)"] if leaning else []),
-        "            if total > 0:",
-        "                tied = 1",
-        "            for k in range(length[i]):",
-        "                j = neighbour[first + k]",
-        "                r = position[j] - x",
-        *[f"                {line}" for line in minimum_image(periodic)],
-        "                rr = r.dot(r)",
-        f"                if rr < re * re and state[j] != {ABSENT}:",
-        f"                    b = {loading_near.replace('Row(', 'Near(').format(row='j')}",
-        "                    c = scale * coefficient(a, b, r, weight(qd.sqrt(rr), re))",
-        "                    c *= pair(a, b)",
-        *(["                    lean += c * r"] if leaning else []),
-        f"                    if state[j] == {UNKNOWN}:",
-        "                        column[first + used] = j",
-        "                        value[first + used] = -c",
-        "                        used += 1",
-        "                        total += c",
-        f"                    elif state[j] == {KNOWN}:",
-        "                        total += c",
-        "                        summed += c * known(b)",
-        "                        tied = 1",
-        "                    else:",
-        "                        summed += c * flux(a, b, r)",
-        *(["                        total += c * flux_share(a, b, r)"] if equation.flux_share else []),
-        *(["            summed += leaning(a, lean)"] if leaning else []),
+        *(["                lean = Vector(0.0)"] if leaning else []),
+        "                if total > 0:",
+        "                    tied = 1",
+        "                for k in range(length[i]):",
+        "                    j = neighbour[first + k]",
+        "                    r = position[j] - x",
+        *[f"                    {line}" for line in minimum_image(periodic)],
+        "                    rr = r.dot(r)",
+        f"                    if rr < re * re and state[j] != {ABSENT}:",
+        f"                        b = {loading_near.replace('Row(', 'Near(').format(row='j')}",
+        "                        c = scale * coefficient(a, b, r, weight(qd.sqrt(rr), re))",
+        "                        c *= pair(a, b)",
+        *(["                        c = qd.cast(qd.cast(c, entry), real)"] if value != real else []),
+        *(["                        lean += c * r"] if leaning else []),
+        f"                        if state[j] == {UNKNOWN}:",
+        "                            column[cursor + used] = j",
+        "                            value[cursor + used] = qd.cast(-c, entry)",
+        "                            used += 1",
+        "                            total += c",
+        f"                        elif state[j] == {KNOWN}:",
+        "                            total += c",
+        "                            summed += c * known(b)",
+        "                            tied = 1",
+        "                        else:",
+        "                            summed += c * flux(a, b, r)",
+        *(["                            total += c * flux_share(a, b, r)"] if equation.flux_share else []),
+        *(["                summed += leaning(a, lean)"] if leaning else []),
         # A row that is tied to nothing has the value zero: its equation would be 0 x = right.
-        "            if total == 0.0:",
-        "                total = qd.cast(1, real)",
-        "                summed = qd.cast(0, real)",
-        "        out_diagonal[i] = total",
-        "        out_rhs[i] = summed",
-        "        out_length[i] = used",
-        "        out_grounded[i] = tied",
+        "                if total == 0.0:",
+        "                    total = qd.cast(1, real)",
+        "                    summed = qd.cast(0, real)",
+        "            out_diagonal[i] = total",
+        "            out_rhs[i] = summed",
+        "            out_length[i] = used",
+        "            out_start[i] = cursor",
+        "            cursor += used",
+        "            out_grounded[i] = tied",
     ]
     return kernels.compiled("assemble", "\n".join(lines) + "\n", **scope)

@@ -7,30 +7,18 @@ from numpy.typing import NDArray
 from pydantic import Field as Parameter
 
 from spume import kernels
-from spume.particles import Field, Particles
+from spume.particles import Particles
 from spume.pressure import aggregation, cycle, levels
 from spume.pressure.base import NotConverged, Solution, Solver
 from spume.pressure.bicgstab import StabilisedBiconjugateGradient
-from spume.pressure.conjugate_gradient import ConjugateGradient, solution
+from spume.pressure.conjugate_gradient import ConjugateGradient, floor, solution
 from spume.pressure.matrix import UNKNOWN, LinearSystem
-
-_REALS = {
-    "inverse": ("kg/m", "damped inverse of the diagonal"),
-    "residual": ("1/s^2", "residual r"),
-    "before": ("Pa", "correction before the last sweep"),
-    "correction": ("Pa", "correction z"),
-    "image": ("1/s^2", "A z"),
-    "direction": ("Pa", "search direction p"),
-    "product": ("1/s^2", "A p"),
-}
-_ROWS = {
-    "row": "rows that have an equation",
-    "aggregate": "row's aggregate on the first coarse level",
-    "member": "rows by aggregate",
-}
 
 ROOM = (1 / 3, 5.0)
 """Rows of all coarse levels, and their entries, per particle that there is room for at first (it grows)."""
+
+
+_SINGLES_OF_FINEST = ("diagonal", "inverse", "right", "old", "new")
 
 
 class Multigrid(Solver, name="multigrid"):
@@ -45,11 +33,7 @@ class Multigrid(Solver, name="multigrid"):
     ids: ClassVar = ("A4",)
     reference: ClassVar = "sodersten2019"
     symmetric_only: ClassVar = False
-    needs: ClassVar = (
-        *ConjugateGradient.needs,
-        *[Field(f"multigrid_{n}", (), unit, doc) for n, (unit, doc) in _REALS.items()],
-        *[Field(f"multigrid_{n}", (), "1", doc, int) for n, doc in _ROWS.items()],
-    )
+    needs: ClassVar = ConjugateGradient.needs
 
     patience: int = Parameter(default=100, ge=1)
     """Iterations after which plain conjugate gradients take over [1]."""
@@ -98,10 +82,11 @@ class _Workspace:
     def solve(self, solver: Multigrid, system: LinearSystem, particles: Particles) -> Solution:
         room = (int(share * particles.capacity) + 1 for share in ROOM)
         self._reserve(particles.capacity, *room)
-        level = self._particles_level(system, particles)
-        vectors = [particles[n] for n in (system.solution, system.rhs, "multigrid_direction", "multigrid_product")]
-        vectors += [self._partial, self._scalars]
-        self._state, self._symmetric = particles[system.state], system.symmetric
+        level = self._finest_level(system, particles)
+        diagonal = particles[system.diagonal]
+        vectors = [diagonal, *(particles[n] for n in (system.solution, system.rhs, *ConjugateGradient.vectors))]
+        self._floor = floor(system, solver)
+        self._state, self._diagonal, self._value = particles[system.state], diagonal, system.real
         alone = aggregation.alone(particles.active)
         build = self._build_in_one_thread if alone else self._build_with_threads
         while True:
@@ -115,71 +100,79 @@ class _Workspace:
             )
         self._plan(depth, solver.inner_levels)
         if alone:
-            cycle.solve_in_one_thread(system.symmetric)(
-                level, self._coarse, self._table, self._operations, self._length, *vectors,
-                solver.tolerance, solver.largest_iterations,
+            cycle.solve_in_one_thread(system.symmetric, system.real)(
+                level, self._coarse, self._table, self._operations, self._length, *vectors, self._image, self._partial,
+                self._scalars, solver.tolerance, self._floor, solver.largest_iterations,
             )  # fmt: skip
         else:
-            self._iterate(level, vectors, solver)
+            self._iterate(level, vectors, solver, cycle.parallel_kernels(system.symmetric, system.real))
         # One element at a time: copying the whole array would wake the thread pool.
         return solution(self._scalars, solver)
 
+    def sizes(self) -> list[tuple[int, int]]:
+        """Return rows and entries beside the diagonal of each coarse level of the last solve."""
+        table, length = self._table.to_numpy(), self._coarse.length.to_numpy()
+        found = []
+        for k in range(1, int(table[aggregation.DEPTH])):
+            at, rows = int(table[2 * k]), int(table[2 * k + 1])
+            found.append((rows, int(length[at : at + rows].sum())))
+        return found
+
     def _arguments(self, level: Any, particles: Particles) -> list[Any]:
         return [
-            level, self._coarse, self._scratch, self._table, self._low, self._high, particles["position"],
-            self._state, float(aggregation.CELL * particles.spacing), particles.active, self._rows,
-            self._slots, self._cells,
+            level, self._diagonal, self._coarse, self._scratch, self._table, self._low, self._high,
+            particles["position"], self._state, float(aggregation.CELL * particles.spacing), particles.active,
+            self._rows, self._slots, self._cells,
         ]  # fmt: skip
 
     def _build_in_one_thread(self, level: Any, particles: Particles) -> tuple[int, int]:
         """Build the levels; return their number and what there was no room for."""
-        code = int(levels.build_in_one_thread(self._d)(*self._arguments(level, particles)))
+        code = int(levels.build_in_one_thread(self._d, self._value)(*self._arguments(level, particles)))
         return code % levels.BEHIND_DEPTH, code // levels.BEHIND_DEPTH
 
     def _build_with_threads(self, level: Any, particles: Particles) -> tuple[int, int]:
-        build_first, build_next, build_rest = levels.build_with_threads(self._d)
+        build_first, build_next, build_rest = levels.build_with_threads(self._d, self._value)
         build_first(*self._arguments(level, particles))
         table, k = self._table.to_numpy(), 1
         while table[aggregation.DEPTH] == k + 1 and not table[aggregation.OVERFLOW]:
             room = (self._rows, self._slots)
             if aggregation.blocks(int(table[2 * k + 1])) == 1:
-                build_rest(self._coarse, self._scratch, self._table, k, *room)
+                build_rest(self._coarse, self._diagonal, self._scratch, self._table, k, *room)
                 table = self._table.to_numpy()
                 break
-            build_next(self._coarse, self._scratch, self._table, k, *room)
+            build_next(self._coarse, self._diagonal, self._scratch, self._table, k, *room)
             table, k = self._table.to_numpy(), k + 1
         self._host_table = table
         return int(table[aggregation.DEPTH]), int(table[aggregation.OVERFLOW])
 
-    def _iterate(self, level: Any, vectors: list[Any], solver: Multigrid) -> None:
+    def _iterate(self, level: Any, vectors: list[Any], solver: Multigrid, kernel: Any) -> None:
         """Iterate with all threads on the large levels; runs of operations on small ones are one launch each."""
-        kernel, table = cycle.parallel_kernels(self._symmetric), self._host_table
-        x, rhs, p, q, partial, scalars = vectors
-        coarse, n = self._coarse, int(table[1])
-        parts, part_of_coarse = self._parts, int(table[3])
+        diagonal, x, rhs, r, p, q = vectors
+        table, coarse, parts = self._host_table, self._coarse, self._parts
+        partial, scalars, n = self._partial, self._scalars, int(table[1])
         runs = self._runs(table)
-        kernel.start(level, x, rhs, p, q, partial, scalars, n, parts)
+        kernel.start(level, diagonal, x, rhs, r, p, q, partial, scalars, self._floor, n, parts)
         while True:
             # Written so that a residual that is not a number ends the iteration.
             if not scalars[cycle.REST] > solver.tolerance**2 * scalars[cycle.RIGHT]:
                 return
             if scalars[cycle.ITERATIONS] >= solver.largest_iterations:
                 return
-            kernel.descend(level, 0, n, coarse, 0, part_of_coarse if self._length else 0, parts)
+            kernel.descend_finest(level, n, coarse, int(table[3]) if self._length else 0, parts)
             for operation, k, begin, end in runs:
                 at, rows = int(table[2 * k]), int(table[2 * k + 1])
                 if operation == cycle.RUN:
                     kernel.run_part(self._operations, begin, end, coarse, self._table, partial, scalars)
                 elif operation == cycle.RESTRICT:
-                    kernel.descend(coarse, at, rows, coarse, at + rows, int(table[2 * k + 3]), parts)
+                    kernel.descend(coarse, at, rows, at + rows, int(table[2 * k + 3]), parts)
                 elif operation == cycle.CORRECT:
-                    kernel.ascend(coarse, at, rows, coarse, at + rows, parts)
+                    kernel.ascend(coarse, at, rows, at + rows, parts)
                 elif operation == cycle.FIRST:
                     kernel.first(coarse, at, rows, k, partial, scalars, parts)
                 elif operation == cycle.SECOND:
                     kernel.second(coarse, at, rows, k, partial, scalars, parts)
-            kernel.ascend(level, 0, n, coarse, 0, parts)
-            kernel.advance(level, x, p, q, partial, scalars, n, parts)
+            kernel.ascend_finest(level, n, coarse, parts)
+            kernel.advance(level, diagonal, x, r, p, q, self._image, partial, scalars, n, parts)
 
     def _runs(self, table: NDArray[np.int32]) -> list[tuple[int, int, int, int]]:
         """Group the program: single operations on large levels, runs of operations on small ones."""
@@ -211,16 +204,19 @@ class _Workspace:
     def _reserve(self, capacity: int, rows: int, slots: int) -> None:
         if capacity == self._capacity and rows <= self._rows and slots <= self._slots:
             return
+        if capacity != self._capacity:
+            self._finest = {n: kernels.array(kernels.f32, capacity) for n in _SINGLES_OF_FINEST}
+            self._finest |= {n: kernels.array(kernels.i32, capacity) for n in ("row", "aggregate", "member")}
+            self._image = kernels.array(self._real, capacity)
         self._capacity, self._rows, self._slots = capacity, max(rows, self._rows), max(slots, self._slots)
         self._cells = capacity + (1 << 16)
-        integers = ("row", "length", "aggregate", "member", "first", "last", "cell")
-        reals = ("diagonal", "inverse", "right", "old", "new", "image", "kept")
-        self._coarse = aggregation.level_type()(
-            start=kernels.array(kernels.i64, self._rows),
+        integers = ("row", "start", "length", "aggregate", "member", "first", "last", "cell")
+        singles = ("diagonal", "excess", "inverse", "right", "old", "new", "image", "kept")
+        self._coarse = aggregation.level_type(kernels.f32)(
             column=kernels.array(kernels.i32, self._slots),
-            value=kernels.array(self._real, self._slots),
+            value=kernels.array(kernels.f32, self._slots),
             **{n: kernels.array(kernels.i32, self._rows) for n in integers},
-            **{n: kernels.array(self._real, self._rows) for n in reals},
+            **{n: kernels.array(kernels.f32, self._rows) for n in singles},
         )
         self._scratch = aggregation.scratch_type()(
             **{n: kernels.array(kernels.i32, self._cells + 2) for n in ("begin", "cursor", "base")},
@@ -229,16 +225,19 @@ class _Workspace:
             sums=kernels.array(kernels.i32, 1024),
         )
 
-    def _particles_level(self, system: LinearSystem, particles: Particles) -> Any:
-        mine = {n: particles[f"multigrid_{n}"] for n in (*_REALS, *_ROWS)}
-        return aggregation.level_type()(
-            row=mine["row"], start=system.start,
-            length=particles[system.length], column=system.column, value=system.value,
-            diagonal=particles[system.diagonal], inverse=mine["inverse"], aggregate=mine["aggregate"],
-            member=mine["member"], first=mine["member"], last=mine["member"], cell=mine["member"],
-            right=mine["residual"], old=mine["before"], new=mine["correction"], image=mine["image"],
-            kept=mine["image"],
+    def _finest_level(self, system: LinearSystem, particles: Particles) -> Any:
+        mine = self._finest
+        unused, no_rows = mine["new"], mine["member"]
+        return aggregation.level_type(system.real)(
+            **mine, start=system.start, length=particles[system.length], column=system.column, value=system.value,
+            first=no_rows, last=no_rows, cell=no_rows, excess=unused, image=unused, kept=unused,
         )  # fmt: skip
+
+
+def coarse_levels(d: int) -> list[tuple[int, int]]:
+    """Return rows and entries beside the diagonal of each coarse level of the last solve in d dimensions."""
+    found: list[tuple[int, int]] = _workspace(d).sizes()
+    return found
 
 
 @kernels.cached

@@ -44,7 +44,7 @@ def thinned(
 
 
 def line(label: str, x: NDArray[Any], y: NDArray[Any], colour: int = 0, dash: int = 0, **more: Any) -> dict[str, Any]:
-    """Return a line of a chart; `colour` and `dash` are numbers in the page's lists."""
+    """Return a line of a chart through points of shape (n,); `colour` and `dash` are numbers in the page's lists."""
     x, y = thinned(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
     return {"label": label, "x": _listed(x), "y": _listed(y), "colour": colour, "dash": dash, "kind": "line"} | more
 

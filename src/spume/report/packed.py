@@ -24,6 +24,10 @@ class Packed:
     its difference (modulo 2^16) from the code of the frame before (order 1) or from the straight line through the
     two frames before (order 2), the sign in the lowest bit; first the low bytes of all differences, then the high
     ones. A channel that does not change is stored as one frame.
+
+    Attributes:
+        parts: the bytes of the channels, in order.
+        size: bytes until now.
     """
 
     parts: list[bytes] = field(default_factory=list)

@@ -34,7 +34,9 @@ class Overview:
         records: name to the extreme over all frames: value, time, place.
         lower, upper: corners of what the window shows at first [m].
         ranges: name to the ends of the colour scale.
-        fluid_ids, wall_ids: identity numbers of all such rows, ascending, and their first positions.
+        fluid_ids, wall_ids: identity numbers of all such rows, ascending, shape (rows,).
+        fluid_first, wall_first: their first positions [m], shape (rows, d).
+        unreadable: frames that cannot be read.
     """
 
     frames: NDArray[np.int64]
@@ -53,7 +55,7 @@ class Overview:
 
 
 def values_of(frame: vtkhdf.Frame, rows: NDArray[Any]) -> dict[str, NDArray[np.floating]]:
-    """Return the scalars of these rows that a page can colour by: ``pressure`` [Pa], ``speed`` [m/s]."""
+    """Return what a page can colour these rows by: ``pressure`` [Pa], ``speed`` [m/s], each of shape (rows,)."""
     found: dict[str, NDArray[np.floating]] = {}
     if "pressure" in frame:
         found["pressure"] = frame["pressure"][rows]
@@ -171,7 +173,7 @@ def _scale(name: str, values: NDArray[np.floating]) -> tuple[float, float]:
 
 
 def shown_ids(seen: Overview, spacing: float, count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the identity numbers of the fluid and of the wall rows to show, at most `count` together.
+    """Return the identity numbers, shape (rows,), of the fluid and of the wall rows to show, at most `count`.
 
     Every row that holds an extreme value in a frame is among them.
     """

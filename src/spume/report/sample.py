@@ -70,14 +70,14 @@ def extremes(position: NDArray[np.floating], values: dict[str, NDArray[np.floati
 
 
 def some_frames(count: int, largest: int) -> NDArray[np.int64]:
-    """Return the numbers of at most `largest` frames, evenly spread, the first and the last among them."""
+    """Return the numbers of at most `largest` frames, evenly spread, with the first and last, shape (frames,)."""
     if count <= largest:
         return np.arange(count)
     return np.unique(np.round(np.linspace(0, count - 1, largest)).astype(np.int64))
 
 
 def rows_of(ids: NDArray[np.int64]) -> Callable[[NDArray[np.int64]], tuple[NDArray[np.int64], NDArray[np.bool_]]]:
-    """Return what finds rows in ascending identity numbers: their indices, and which of them are there."""
+    """Return what finds rows in ascending identity numbers, shape (rows,): indices, and which of them are there."""
 
     def find(wanted: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         if not len(ids):

@@ -6,7 +6,7 @@ from spume.pairs import Pairs, PairTerm, pair_sum, pair_term
 from spume.particles import ANY, FLUID, WALL, Field, Particles
 from spume.schemes.operator import Operator
 
-CORRECTION = Field("correction", ("d", "d"), "1", "corrective matrix C of the gradient")
+CORRECTION = Field("correction", ("d", "d"), "1", "corrective matrix C of the gradient", scratch="correction")
 
 
 @kernels.func

@@ -1,7 +1,7 @@
 """The family of steps, and the row formulas that steps share."""
 
 from collections.abc import Iterator
-from math import inf
+from math import inf, sqrt
 from typing import ClassVar, Literal, Self
 
 import numpy as np
@@ -10,7 +10,7 @@ from pydantic import model_validator
 from spume import kernels
 from spume.domain import Domain
 from spume.named import Scheme
-from spume.pairs import row_map, row_term
+from spume.pairs import pair_max, pair_term, row_map, row_term
 from spume.particles import ANY, FLUID, WALL, Field, Particles
 from spume.pressure.base import Solver
 from spume.pressure.components import COMPONENT
@@ -22,7 +22,7 @@ from spume.schemes.divergence.base import Divergence
 from spume.schemes.divergence.original import Original as OriginalDivergence
 from spume.schemes.free_surface.base import FreeSurface
 from spume.schemes.free_surface.number_density import LowNumberDensity
-from spume.schemes.gradient.base import Gradient
+from spume.schemes.gradient.base import Gradient, completing
 from spume.schemes.gradient.corrected import Corrected
 from spume.schemes.laplacian.base import Laplacian
 from spume.schemes.laplacian.original import Original as OriginalLaplacian
@@ -119,7 +119,18 @@ def is_negative(a):  # type: ignore[no-untyped-def]
     return kernels.qd.cast(a.pressure < 0.0, kernels.i32)
 
 
+@pair_term(reads=("velocity", "kind", "to_surface"))
+def relative_motion(a, b, r, w):  # type: ignore[no-untyped-def]
+    difference = b.velocity - a.velocity
+    # What slides along a wall meets the same wall a spacing later.
+    towards = difference.dot(b.to_surface.normalized(1e-30))
+    return kernels.qd.select(b.kind == FLUID, difference.norm_sqr(), towards * towards)
+
+
 CLIPPED = Field("clipped", (), "1", "1 where a negative pressure was set to zero", int)
+
+
+RELATIVE_MOTION = Field("relative_motion", (), "m^2/s^2", "largest squared relative speed of a row and a neighbour")
 
 
 class Step(Scheme, family="step"):
@@ -149,7 +160,7 @@ class Step(Scheme, family="step"):
 
     steadiness: ClassVar[float] = 1.0
     """Part of the limit courant sqrt(l0/|a|) of the time step up to which a fluid at rest stays at rest."""
-    fields: ClassVar[tuple[Field, ...]] = (*SYSTEM_FIELDS, CLIPPED, *Corrected.needs)
+    fields: ClassVar[tuple[Field, ...]] = (*SYSTEM_FIELDS, CLIPPED, RELATIVE_MOTION, *Corrected.needs)
 
     def __call__(self, domain: Domain, t: float, dt: float) -> dict[str, float]:
         """Advance the domain from t to t + dt; return figures of the step.
@@ -165,6 +176,15 @@ class Step(Scheme, family="step"):
         # Not the step's own model, which may want a time step or the images of a wall.
         Corrected()(domain.lattice, domain.particles, domain.pairs, over=FLUID)
 
+    def relative_speed(self, domain: Domain) -> float:
+        """Return the largest relative speed of a fluid row and a neighbour [m/s]; against walls, of its normal part."""
+        particles, operator = domain.particles, self.number_density
+        pair_max(
+            relative_motion, particles, domain.pairs, out="relative_motion", weight=operator.weight,
+            re=operator.radius(domain.lattice),
+        )  # fmt: skip
+        return sqrt(max(particles.largest("relative_motion", FLUID), 0.0))
+
     def max_dt(self, domain: Domain, speed: float) -> float:
         """Return the largest time step [s] that the step itself allows, for the largest ``speed`` [m/s]."""
         return inf
@@ -177,7 +197,7 @@ class Step(Scheme, family="step"):
         """Return every field that the step and the schemes in its slots need."""
         found = list(self.fields)
         for scheme in nested(self):
-            found.extend(getattr(scheme, "needs", ()))
+            found.extend(scheme.needed())
         return tuple(dict.fromkeys(found))
 
     def largest_radius(self) -> float:
@@ -228,8 +248,16 @@ class Projection(Step):
 
     def caution(self) -> str:
         """Return which two models do not fit each other, though they can be computed together, or nothing."""
-        found = self.laplacian.caution(self.source.of_slope, self.number_density.re)
-        return f"source {self.source.key!r} {found}" if found else ""
+        cautions = []
+        if found := self.laplacian.caution(self.source.of_slope, self.number_density.re):
+            cautions.append(f"source {self.source.key!r} {found}")
+        if not (self.free_surface.known or self.gradient.completes):
+            cautions.append(
+                f"gradient {self.gradient.key!r} leaves out the neighbours missing at the surface, which free_surface "
+                f"{self.free_surface.key!r} puts into the matrix, so that water at rest is not held: choose the "
+                f"gradient {' or '.join(completing())}"
+            )
+        return "; ".join(cautions)
 
 
 def nested(scheme: Scheme) -> Iterator[Scheme]:
@@ -275,6 +303,7 @@ def solve_pressure(step: Projection, domain: Domain, surface_pressure: float, dt
         system.assemble(step.laplacian, domain.lattice, particles, domain.pairs, over=step.wall_model.carriers)
         floating = domain.components.project(system, particles)
     with domain.stages("solve"):
+        system.negligible = step.solver.volume_error / dt**2
         solution = step.solver(system, particles)
         domain.components.centre(floating, particles)
     figures: dict[str, float] = {

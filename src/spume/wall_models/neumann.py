@@ -61,8 +61,8 @@ class Neumann(WallModel, name="neumann"):
     dummy_state: ClassVar = FLUX
     needs: ClassVar = (
         *WALL_FIELDS,
-        Field("weighted_pressure", (), "Pa", "sum of W P over the fluid near a wall row"),
-        Field("fluid_weight", (), "1", "sum of W over the fluid near a wall row"),
+        Field("weighted_pressure", (), "Pa", "sum of W P over the fluid near a wall row", scratch="extrapolation"),
+        Field("fluid_weight", (), "1", "sum of W over the fluid near a wall row", scratch="extrapolation"),
     )
 
     def neumann(self, particles: Particles, dt: float) -> None:

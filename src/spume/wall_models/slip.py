@@ -12,13 +12,15 @@ FREE_SLIP = 1
 SLIP_FIELDS = (
     Field("slip", (), "1", "solid rows: 0 no-slip, 1 free-slip", int, constant=True, restart=True),
     Field("slip_velocity", ("d",), "m/s", "velocity with which a row takes part in viscosity"),
-    Field("near_weight", (), "1", "sum of W over the fluid near a wall row"),
-    Field("near_offset", ("d",), "m", "mean of r over the fluid near a wall row"),
-    Field("near_velocity", ("d",), "m/s", "mean velocity of the fluid near a wall row"),
-    Field("near_moment", ("d", "d"), "m^2", "sum of W r (x) r over the fluid near a wall row"),
-    Field("near_product", ("d", "d"), "m^2/s", "sum of W u (x) r over the fluid near a wall row"),
-    Field("near_gradient", ("d", "d"), "1/s", "velocity gradient of the fluid near a wall row"),
-)
+    Field("near_weight", (), "1", "sum of W over the fluid near a wall row", scratch="slip"),
+    Field("near_offset", ("d",), "m", "sum of W r over the fluid near a wall row", scratch="slip"),
+    Field("near_velocity", ("d",), "m/s", "sum of W u over the fluid near a wall row", scratch="slip"),
+    Field("near_moment", ("d", "d"), "m^2", "sum of W r (x) r over the fluid near a wall row", scratch="slip"),
+    Field(
+        "near_gradient", ("d", "d"), "1/s",
+        "sum of W u (x) r over the fluid near a wall row, then its velocity gradient", scratch="slip",
+    ),
+)  # fmt: skip
 
 
 @pair_term()
@@ -46,11 +48,11 @@ def weighted_product(a, b, r, w):  # type: ignore[no-untyped-def]
     return w * b.velocity.outer_product(r)
 
 
-@row_term(reads=("near_weight", "near_offset", "near_velocity", "near_moment", "near_product"))
+@row_term(reads=("near_weight", "near_offset", "near_velocity", "near_moment", "near_gradient"))
 def fitted_gradient(a, least):  # type: ignore[no-untyped-def]
     total = max(a.near_weight, 1e-30)
     spread = (a.near_moment - a.near_offset.outer_product(a.near_offset) / total) / total
-    together = (a.near_product - a.near_velocity.outer_product(a.near_offset) / total) / total
+    together = (a.near_gradient - a.near_velocity.outer_product(a.near_offset) / total) / total
     gradient = together * 0.0
     size = spread.trace() / spread.n
     # A single row has no spread, but its rounding errors are no measure of anything; a single file of rows has
@@ -69,7 +71,7 @@ def image_velocities(operator: Operator, lattice: Lattice, particles: Particles,
     velocity at the wall's surface then equals that of the wall exactly for linear profiles. A wall that
     no fluid touches shows its own velocity.
     """
-    names = ("near_weight", "near_offset", "near_velocity", "near_moment", "near_product")
+    names = ("near_weight", "near_offset", "near_velocity", "near_moment", "near_gradient")
     terms = (weight_of_fluid, weighted_offset, weighted_velocity, weighted_moment, weighted_product)
     pair_sum(
         terms,

@@ -22,7 +22,7 @@ class Front(Gauge, name="front"):
     reads: ClassVar[tuple[str, ...]] = ("position", "kind")
 
     direction: tuple[float, ...] | None = None
-    """Direction e along which the front is measured; default: +x."""
+    """Direction e along which the front is measured, of any length [1]; default: +x."""
 
     def columns(self, dimension: int) -> dict[str, str]:
         return {"front": "m"}

@@ -41,7 +41,7 @@ class Pressure(Riding, name="pressure"):
     face: Annotated[float, Field(gt=0.0)] | None = None
     """Diameter (2D: length) of the sensor's face [m]; default: a point."""
     normal: tuple[float, ...] | None = None
-    """Normal of the face; default: that of the nearest wall."""
+    """Normal of the face, of any length [1]; default: that of the nearest wall."""
 
     def columns(self, dimension: int) -> dict[str, str]:
         return {"pressure": "Pa"}

@@ -92,11 +92,14 @@ class Inelastic(Collision, name="inelastic"):
     reference: ClassVar = "lee2011"
     conserves: ClassVar = frozenset({"momentum"})
     needs: ClassVar = (
-        Field("collision_impulse", ("d",), "m/s", "change of velocity by collisions"),
+        Field("collision_impulse", ("d",), "m/s", "change of velocity by collisions", scratch="collision"),
         Field("collisions", (), "1", "number of colliding pairs of a row", int),
-        Field("wall_impulse", ("d",), "m/s", "sum of the changes of velocity by the faces of walls that a row touches"),
-        Field("faces", (), "1", "number of solid rows whose face a row touches", int),
-    )
+        Field(
+            "wall_impulse", ("d",), "m/s", "sum of the changes of velocity by the faces of walls that a row touches",
+            scratch="collision",
+        ),
+        Field("faces", (), "1", "number of solid rows whose face a row touches", int, scratch="collision"),
+    )  # fmt: skip
 
     distance: float = Parameter(default=0.5, gt=0.0, lt=1.0)
     """Distance below which a pair collides, as a multiple of l0 [1]."""

@@ -15,6 +15,9 @@ class Gradient(Operator, family="gradient"):
     repels: ClassVar[bool] = False
     """Whether every pair is made to repel, so that a fluid under tension (negative pressure) makes no sense."""
 
+    completes: ClassVar[bool] = False
+    """Whether neighbours missing at the free surface take part, as the matrix counts them that detects no surface."""
+
     def __call__(
         self, lattice: Lattice, particles: Particles, pairs: Pairs,
         phi: str = "pressure", out: str = "pressure_gradient", over: int = ANY, view: PairView | None = None,
@@ -31,6 +34,11 @@ class Gradient(Operator, family="gradient"):
             moved: whether ``velocity`` has moved the rows already (r*), or is yet to move them (r^k).
         """
         raise NotImplementedError
+
+
+def completing() -> list[str]:
+    """Return the names of the gradient models that count the neighbours missing at the free surface."""
+    return [scheme.key for scheme in named.schemes("gradient") if getattr(scheme, "completes", False)]
 
 
 def tension_bearing() -> list[str]:

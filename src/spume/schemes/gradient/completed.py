@@ -38,6 +38,7 @@ class Completed(Gradient, name="completed"):
     reference: ClassVar = "liu2018"
     order: ClassVar = 0
     needs: ClassVar = (CORRECTION, SURFACE_SHARE)
+    completes: ClassVar = True
 
     floor: float = Parameter(default=0.3, gt=0.0, le=1.0)
     """Least eigenvalue of the matrix that is inverted [1]."""

@@ -80,6 +80,7 @@ class DummyNeighbour(Gradient, name="dummy-neighbour"):
     reference: ClassVar = "liu2018"
     order: ClassVar = 0
     needs: ClassVar = (CORRECTION, SURFACE_SHARE, ASYMMETRY)
+    completes: ClassVar = True
 
     largest_condition: float = 1e3
     """Largest condition number of the matrix; above it a row falls back to C = I [1]."""

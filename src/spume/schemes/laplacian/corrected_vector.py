@@ -89,6 +89,10 @@ class CorrectedVector(Laplacian, name="corrected-vector"):
     largest_condition: float = Parameter(default=1e3, gt=1.0)
     """Largest condition number of the corrective matrix; above it a row falls back to C = I [1]."""
 
+    def needed(self) -> tuple[Field, ...]:
+        """Return the fields that the correction needs where it stands."""
+        return (SURFACE_SHARE,) if self.correction == "lagged" else self.needs
+
     @property
     def symmetric(self) -> bool:  # type: ignore[override]
         """Whether the matrix is symmetric: with the lagged correction."""

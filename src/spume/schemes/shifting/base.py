@@ -10,6 +10,11 @@ from spume.particles import FLUID, Field, Particles
 from spume.schemes.correction import CORRECTION, correction_matrix
 from spume.schemes.operator import Operator
 
+_CARRIED = (
+    Field("shifted_velocity", ("d",), "m/s", "velocity at the shifted position", scratch="shift"),
+    Field("shifted_pressure", (), "Pa", "pressure at the shifted position", scratch="shift"),
+)
+
 SHIFT = Field("shift", ("d",), "m", "displacement by particle shifting")
 
 
@@ -68,17 +73,16 @@ class Diffusive(Shifting):
     lattice becomes unstable to its own correction (0.415 l0^2 in 2D, 0.468 l0^2 in 3D).
     """
 
-    needs: ClassVar[tuple[Field, ...]] = (
-        SHIFT,
-        CORRECTION,
-        Field("shifted_velocity", ("d",), "m/s", "velocity at the shifted position"),
-        Field("shifted_pressure", (), "Pa", "pressure at the shifted position"),
-    )
+    needs: ClassVar[tuple[Field, ...]] = (SHIFT, CORRECTION, *_CARRIED)
 
     largest: float = Parameter(default=0.1, gt=0.0, le=0.5)
     """Largest displacement in one step, as a multiple of l0 [1]."""
     correct_fields: bool = False
     """Carry velocity and pressure to the new place, u(r + dr) = u + dr . grad u, as Xu 2009 and Lind 2012 do."""
+
+    def needed(self) -> tuple[Field, ...]:
+        """Return the needed fields, without those that only ``correct_fields`` uses."""
+        return tuple(f for f in self.needs if self.correct_fields or f not in _CARRIED)
 
     def smoothing_length(self, lattice: Lattice) -> float:
         """Return h = re/3 [m]."""

@@ -28,7 +28,7 @@ class Weight(Scheme, family="weight"):
         return Derivative(type(self))
 
     def values(self, r: ArrayLike, re: float) -> NDArray[np.float64]:
-        """Return W(r, re) for an array of distances below re."""
+        """Return W(r, re) for an array of distances below re, of the same shape."""
         return np.asarray(type(self).formula(np.asarray(r, dtype=float), re))
 
 

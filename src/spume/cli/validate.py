@@ -1,0 +1,88 @@
+"""spume validate: the validation cases, with the bars beside what is reached."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from spume.cli.app import DIVERGED, answers, app, new_console
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+MISSED = 5
+
+
+@app.command()
+@answers
+def validate(
+    cases: Annotated[
+        list[str] | None, typer.Argument(metavar="[CASE]...", help="Names or numbers of cases; default: all.")
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Coarse runs, with limits of their own: minutes.")] = False,
+    listed: Annotated[bool, typer.Option("--list", help="List the cases and their bars; run nothing.")] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder of runs and report. Default: validation-runs, with --quick validation-quick."),
+    ] = None,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, help="Runs side by side, one thread each; default: one for each processor.")
+    ] = None,
+) -> None:
+    """Run validation cases, compare them with their references and print the bars; finished runs are not repeated."""
+    from spume.validation.study import chosen
+
+    console = new_console()
+    studies = chosen(cases or [])
+    if listed:
+        from rich.table import Table
+
+        table = Table("number", "name", "case", "runs")
+        for study in studies:
+            table.add_row(study.number, study.name, study.title, ", ".join(run.name for run in study.runs))
+        console.print(table)
+        return
+    from spume.kernels import available_threads
+    from spume.validation import driver, report
+
+    folder = out or Path("validation-quick" if quick else "validation-runs")
+    folder.mkdir(parents=True, exist_ok=True)
+
+    def say(text: str) -> None:
+        console.print(text, highlight=False)
+
+    results = driver.validate(studies, folder, quick=quick, jobs=jobs or available_threads(), say=say)
+    console.print(table_of(results))
+    say(f"Report: {folder / report.REPORT}")
+    failed = [run for study in results for run in study["runs"] if run["status"] != "finished"]
+    for run in failed:
+        say(f"{run['case']}, {run['name']} {run['status']}: {run['reason']}")
+    if failed:
+        raise typer.Exit(DIVERGED)
+    if any(bar["verdict"] == "MISSED" for study in results for bar in study["bars"]):
+        raise typer.Exit(MISSED)
+
+
+def table_of(results: list[dict[str, Any]]) -> Table:
+    """Return the bars as a table."""
+    from rich.table import Table
+
+    from spume.validation.report import limits, number
+
+    table = Table("case", "quantity", "bar", "reached", "at", "")
+    colours = {"holds": "green", "MISSED": "red"}
+    for study in results:
+        for bar in study["bars"]:
+            word = bar["verdict"]
+            colour = colours.get(word)
+            table.add_row(
+                f"{study['number']} {study['case']}",
+                (f"{bar['series']}: " if bar["series"] else "") + bar["metric"],
+                limits(bar),
+                number(bar["reached"]),
+                f"{study['length']} = {bar['cells']}",
+                f"[{colour}]{word}[/{colour}]" if colour else word,
+            )
+    return table

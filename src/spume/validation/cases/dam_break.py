@@ -1,0 +1,95 @@
+"""Case 6b: pressures and levels of a dam break (Lobovsky et al. 2014). `of` gives the same in 3D."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import partial
+
+import numpy as np
+
+from spume.validation import Bar, Curve, Folder, Measured, Panel, Run, Study
+from spume.validation.study import reference_file, rms, table
+
+G, H, RHO = 9.81, 0.3, 1000.0
+HEIGHTS = (3, 15, 30, 80)
+PRESSURES = tuple(f"rms of the pressure at z = {z} mm / ρgH, t√(g/H) = 2.45 … 5.3" for z in HEIGHTS)
+LEVELS = tuple(f"rms of level {k} / H" for k in range(1, 5))
+PEAK = "peak at z = 15 mm / ρgH"
+
+
+def _series(sensor: int) -> Curve | None:
+    path = reference_file(f"06_dambreak/lobovsky2014_H300_sensor{sensor}_pressure.csv")
+    if path is None:
+        return None
+    t, p = table(path).T
+    return t, p
+
+
+def measure(folder: Folder) -> Measured:
+    """Return what the case's own comparison found, and the rms against the full series where that is at hand."""
+    found = {entry["gauge"]: entry for entry in folder.summary["comparison"]}
+    metrics = {PEAK: found["pressure-2"]["peak"], "peak at z = 3 mm / ρgH": found["pressure-1"]["peak"]}
+    curves: dict[str, Curve] = {}
+    for k, name in enumerate(PRESSURES, start=1):
+        entry, gauge = found[f"pressure-{k}"], folder.gauge(f"pressure-{k}")
+        metrics[name] = entry["rms"]
+        t, p = gauge["time"] * math.sqrt(G / H) + entry["shift"], gauge["pressure"] / (RHO * G * H)
+        curves[f"z = {HEIGHTS[k - 1]} mm"] = (t, p)
+        full = _series(k)
+        if full is not None:
+            inside = (full[0] >= 2.45) & (full[0] <= min(5.3, t[-1]))
+            difference = np.interp(full[0][inside], t, p) - full[1][inside]
+            metrics[f"{name}, full series"] = rms(difference)
+            metrics[f"mean of the same difference, z = {HEIGHTS[k - 1]} mm"] = float(difference.mean())
+    for k, name in enumerate(LEVELS, start=1):
+        if f"level-{k}" in found:
+            metrics[name] = found[f"level-{k}"]["rms"]
+    metrics["arrival at z = 15 mm, t√(g/H)"] = found["pressure-2"]["arrival"]
+    metrics["common time shift, t√(g/H)"] = found["pressure-2"]["shift"]
+    return Measured(metrics, curves)
+
+
+def _measured(sensor: int) -> Mapping[str, Curve]:
+    full = _series(sensor)
+    if full is None:
+        from spume.named import CASES
+        from spume.tables import read_columns
+
+        columns = list(read_columns(CASES / "dam-break" / f"pressure-{sensor}.csv")[0].values())
+        return {"measured": (columns[0], columns[1])}
+    inside = (full[0] > 2.0) & (full[0] < 5.7)
+    return {"measured": (full[0][inside], full[1][inside])}
+
+
+def of(case: str, number: str, sizes: tuple[int, ...], quick: tuple[int, ...], judged: bool) -> Study:
+    """Return the study of one dimension; in 3D the values are reported and not judged."""
+
+    def run(cells: int) -> Run:
+        settings = (f"spacing={H / cells!r}", "time.end=1.0", "time.courant=0.2", "output.interval=0.1")
+        return Run(case, cells, settings)
+
+    bars = (
+        Bar(PEAK, 2.03, 1.77, cells=100, quick=(0.8, 4.0)),
+        *(Bar(name, 0.15, cells=100, quick=(0.0, 0.6)) for name in PRESSURES),
+        *(Bar(name, 0.04, cells=100, quick=(0.0, 0.08)) for name in LEVELS),
+    )
+    return Study(
+        number=number,
+        title=f"Dam break of Lobovský et al., {'2D' if judged else '3D'}",
+        length="H/l0",
+        reference="Lobovský et al. (2014), J. Fluids Struct. 48, 407–434; sensors' faces of 4.2 mm, no filter, one "
+        "common time shift of at most 0.1 √(H/g)",
+        runs=tuple(run(n) for n in sizes),
+        quick=tuple(run(n) for n in quick),
+        measure=measure,
+        bars=bars if judged else (),
+        panels={
+            f"z = {z} mm": Panel("t √(g/H)", "p / ρgH", reference=partial(_measured, k), limits=(-0.5, 3.0))
+            for k, z in enumerate(HEIGHTS, start=1)
+        },
+        orders=PRESSURES if judged else (),
+    )
+
+
+STUDY = of("dam-break", "6b", (30, 60, 100), (20,), judged=True)

@@ -1,0 +1,275 @@
+"""The driver of all validation cases: which runs are still to do, doing them side by side, measuring them."""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+import multiprocessing
+import platform
+import shutil
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+from spume.outputs import summary
+from spume.outputs.disk import replace_text
+from spume.problems import CaseError, Problem
+from spume.validation.folder import Folder, budgets
+from spume.validation.study import Bar, Measured, Run, Study, order
+
+RUNS = "runs"
+"""Folder of the run folders of a study."""
+RESULTS = "results.json"
+_COMMON = ("output.pictures=false", "output.animation=none", "output.log_interval=10")
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Task:
+    """A run and the folder where it belongs."""
+
+    run: Run
+    folder: Path
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A bar beside what was reached.
+
+    Attributes:
+        bar: the bar.
+        reached: the value; NaN where no run gave one.
+        cells: resolution of the run that gave it.
+        quick: whether the limits are those of the quick runs.
+    """
+
+    bar: Bar
+    reached: float
+    cells: int
+    quick: bool
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """The smallest and the largest value that hold."""
+        if self.quick:
+            return self.bar.quick or (-math.inf, math.inf)
+        return self.bar.lower, self.bar.upper
+
+    @property
+    def holds(self) -> bool:
+        """Whether the value lies within the limits."""
+        low, high = self.limits
+        return low <= self.reached <= high
+
+    @property
+    def word(self) -> str:
+        """``holds``, ``MISSED``, or ``not judged``."""
+        if self.quick and self.bar.quick is None:
+            return "not judged"
+        return "holds" if self.holds else "MISSED"
+
+
+def settings_of(run: Run) -> list[str]:
+    """Return all keys that a run replaces in its case."""
+    return [*_COMMON, *run.settings]
+
+
+def execute(task: Task) -> str:
+    """Do a run, or what is left of it; return its status. Called in a process of its own.
+
+    A run that is finished, of the very same case, is not repeated; one that was interrupted goes on.
+    """
+    from spume.case import load
+    from spume.diagnosis import Diverged
+    from spume.run import FAILED, resume, run
+
+    logging.getLogger("spume").setLevel(logging.ERROR)
+    case = load(task.run.case, settings_of(task.run))
+    state = status_of(task.folder, case.to_toml())
+    if state in ("finished", "failed"):
+        return state
+    try:
+        if state == "interrupted":
+            return resume(task.folder, threads=1).status
+        shutil.rmtree(task.folder, ignore_errors=True)
+        return run(case, task.folder, threads=1).status
+    except Diverged:
+        return FAILED
+    except Exception:
+        # What ended the run stands in its summary; the other runs go on.
+        if status_of(task.folder, case.to_toml()) == FAILED:
+            return FAILED
+        raise
+
+
+def status_of(folder: Path, case: str) -> str:
+    """Return how a run ended: ``finished``, ``failed``, ``interrupted``; ``new`` where it is of another case."""
+    try:
+        same = (folder / "case.toml").read_text(encoding="utf-8") == case
+        status = str(summary.read(folder)["status"])
+    except (OSError, ValueError, KeyError):
+        return "new"
+    if not same:
+        return "new"
+    if status in ("finished", "failed"):
+        return status
+    return "interrupted" if (folder / "checkpoint.h5").exists() else "new"
+
+
+def do(tasks: Sequence[Task], jobs: int, say: Say) -> None:
+    """Do runs side by side, each with one thread, in as many processes; long ones first.
+
+    Raises:
+        KeyboardInterrupt: the runs in progress have written checkpoints and go on when called again.
+    """
+    if not tasks:
+        return
+    pool = ProcessPoolExecutor(max_workers=jobs, mp_context=multiprocessing.get_context("spawn"))
+    waiting: dict[Future[str], Task] = {pool.submit(execute, task): task for task in tasks}
+    try:
+        while waiting:
+            done, _ = wait(waiting, return_when=FIRST_COMPLETED)
+            for future in done:
+                task = waiting.pop(future)
+                say(f"{task.folder.parent.parent.name}, {task.run.name}: {future.result()} ({len(waiting)} left)")
+                if future.result() == "interrupted":
+                    raise KeyboardInterrupt
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def tasks_of(study: Study, out: Path, quick: bool) -> list[Task]:
+    """Return the runs of a study with their folders."""
+    return [Task(run, out / study.name / RUNS / run.name) for run in (study.quick if quick else study.runs)]
+
+
+def validate(chosen: Iterable[Study], out: Path, *, quick: bool, jobs: int, say: Say) -> list[dict[str, Any]]:
+    """Run studies, measure them, write results, figures and the report; return the results.
+
+    Args:
+        chosen: the studies.
+        out: folder of everything; of each study a folder in it.
+        quick: the coarse runs, with their own limits.
+        jobs: runs side by side.
+        say: is told of every run that ends.
+    """
+    from spume.validation import report
+
+    chosen = list(chosen)
+    tasks = [task for study in chosen for task in tasks_of(study, out, quick)]
+    do([task for task in tasks if not ended(task)], jobs, say)
+    found = []
+    for study in chosen:
+        results, measured = judge(study, tasks_of(study, out, quick), quick)
+        folder = out / study.name
+        replace_text(folder / RESULTS, json.dumps(results, indent=2, ensure_ascii=False) + "\n")
+        report.figure(study, measured, folder / "figure.png")
+        found.append(results)
+    report.write(out)
+    return found
+
+
+def ended(task: Task) -> bool:
+    """Return whether a run has ended already, finished or failed, of the very same case."""
+    from spume.case import load
+
+    return status_of(task.folder, load(task.run.case, settings_of(task.run)).to_toml()) in ("finished", "failed")
+
+
+def judge(study: Study, tasks: Sequence[Task], quick: bool) -> tuple[dict[str, Any], dict[Run, Measured]]:
+    """Return the results of a study as JSON takes them, and what was measured of each run that finished."""
+    measured: dict[Run, Measured] = {}
+    runs = []
+    for task in tasks:
+        folder = Folder(task.folder)
+        try:
+            numbers = folder.summary
+        except (OSError, ValueError) as error:
+            raise CaseError([Problem(str(task.folder), "", "", f"not a run that ended: {error}")]) from None
+        entry: dict[str, Any] = {
+            "name": task.run.name,
+            "case": task.run.case,
+            "series": task.run.series,
+            "cells": task.run.cells,
+            "settings": list(task.run.settings),
+            **{key: numbers[key] for key in _NUMBERS},
+        }
+        if numbers["status"] == "finished":
+            measured[task.run] = study.measure(folder)
+            entry["metrics"] = measured[task.run].metrics
+            entry["budgets"] = budgets(folder)
+        runs.append(entry)
+    orders = observed_orders(study, measured)
+    verdicts = [verdict(bar, measured, orders, quick) for bar in study.bars]
+    results = {
+        "case": study.name,
+        "number": study.number,
+        "title": study.title,
+        "length": study.length,
+        "reference": study.reference,
+        "date": date.today().isoformat(),
+        "machine": f"{platform.machine()} {platform.system()}, Python {platform.python_version()}",
+        "quick": quick,
+        "bars": [
+            {
+                "metric": v.bar.metric,
+                "series": v.bar.series,
+                "lower": v.limits[0],
+                "upper": v.limits[1],
+                "cells": v.cells,
+                "meant for cells": v.bar.cells,
+                "reached": v.reached,
+                "verdict": v.word,
+            }
+            for v in verdicts
+        ],
+        "orders": [{"series": s, "metric": m, "order": o} for (s, m), o in orders.items()],
+        "runs": runs,
+    }
+    return finite(results), measured
+
+
+_NUMBERS = (
+    "version", "status", "reason", "particles_fluid", "steps", "wall_time_steps", "us_per_fluid_particle_step",
+    "pressure_iterations_mean", "pressure_iterations_max", "counts",
+)  # fmt: skip
+
+
+def observed_orders(study: Study, measured: dict[Run, Measured]) -> dict[tuple[str, str], float]:
+    """Return the observed order of convergence by series and metric."""
+    found = {}
+    for series in dict.fromkeys(run.series for run in measured):
+        runs = [run for run in measured if run.series == series]
+        for metric in study.orders:
+            errors = [abs(measured[run].metrics.get(metric, math.nan)) for run in runs]
+            found[series, metric] = order([run.cells for run in runs], errors)
+    return found
+
+
+def verdict(bar: Bar, measured: dict[Run, Measured], orders: dict[tuple[str, str], float], quick: bool) -> Verdict:
+    """Return a bar beside what the finest run of its series reached."""
+    runs = sorted((run for run in measured if run.series == bar.series), key=lambda run: run.cells)
+    if not runs:
+        return Verdict(bar, math.nan, 0, quick)
+    finest = runs[-1]
+    if bar.metric.startswith("order: "):
+        reached = orders.get((bar.series, bar.metric.removeprefix("order: ")), math.nan)
+    else:
+        reached = measured[finest].metrics.get(bar.metric, math.nan)
+    return Verdict(bar, float(reached), finest.cells, quick)
+
+
+def finite(value: Any) -> Any:
+    """Return a value with NaN and infinity, which JSON does not know, as None."""
+    if isinstance(value, dict):
+        return {key: finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(item) for item in value]
+    if hasattr(value, "item"):
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value

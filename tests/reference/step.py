@@ -1,0 +1,34 @@
+"""Steps of the whole fluid, without walls and gravity."""
+
+from reference.cloud import DT
+from reference.divergence import original
+from reference.gradient import sum_
+from reference.viscosity import explicit
+
+SOUND = 20.0
+"""Speed of sound [m/s]."""
+
+
+def density_at_start(cloud):
+    """Relative density of the rows, some of it below one."""
+    return 1.0 + 0.02 * (cloud.share - 0.4)
+
+
+def weakly_compressible(cloud, exponent=7.0, diffusion=0.1):
+    """Rate (s' - s)/dt of the relative density s over a step.
+
+    P = rho c^2/gamma (s^gamma - 1);  u' = u + dt [div(mu grad u)/rho - grad P/rho], grad P in the sum form;
+    (s' - s)/dt = -s div u' + delta l0/(rho c) 2 d/n0 sum_j [P_j - P_i - (grad P_i + grad P_j) . r_ij/2] W/r^2.
+    """
+    s = density_at_start(cloud)
+    P = cloud.rho * SOUND**2 / exponent * (s**exponent - 1)
+    pressed = cloud.moved(cloud.x)
+    pressed.phi = P
+    slope = sum_(pressed)
+    rate = -s * original(cloud.moved(cloud.x, cloud.u + DT * (explicit(cloud) - slope / cloud.rho[:, None])))
+    for i in range(len(cloud)):
+        for j, r, apart, w in cloud.neighbours(i):
+            jump = P[j] - P[i] - (slope[i] + slope[j]) @ r / 2
+            share = diffusion * cloud.l0 / (cloud.rho[i] * SOUND) * 2 * cloud.d / cloud.n0
+            rate[i] += share * jump * w / apart**2
+    return rate

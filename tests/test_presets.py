@@ -1,0 +1,46 @@
+"""Presets: defaults that what a case says goes before."""
+
+from typing import get_args
+
+import pytest
+
+from spume import presets
+from spume.case import Case, load
+from spume.steps.project_in_place import ProjectInPlace
+
+
+def test_names_are_those_that_a_case_takes():
+    assert set(presets.names()) == set(get_args(Case.model_fields["preset"].annotation))
+    assert presets.names()[0] == presets.USUAL
+
+
+@pytest.mark.parametrize("name", presets.names())
+def test_a_completed_case_gives_itself(name, tmp_path):
+    case = load("taylor-green", [f"preset={name}"])
+    path = tmp_path / "case.toml"
+    path.write_text(case.to_toml())
+    assert load(path).to_toml() == case.to_toml()
+
+
+def test_the_usual_one_changes_nothing():
+    assert load("dam-break", ["preset=recommended"]).step == ProjectInPlace()
+
+
+def test_what_a_case_says_goes_before():
+    confined = load("hydrostatic", ["preset=confined"])
+    assert confined.step.free_surface.key != ProjectInPlace().free_surface.key
+    mine = load("hydrostatic", ["preset=confined", "step.shifting=none", "time.courant=0.33"])
+    assert (mine.step.shifting.key, mine.time.courant) == ("none", 0.33)
+    assert mine.step.free_surface == confined.step.free_surface
+
+
+def test_a_preset_says_nothing_of_another_algorithm():
+    other = load("hydrostatic", ["preset=confined", "step=predict-move-project"]).step
+    assert other == load("hydrostatic", ["step=predict-move-project"]).step
+
+
+def test_a_step_given_as_an_object_is_taken_as_it_is():
+    document = load("hydrostatic").table()
+    del document["step"]
+    case = Case(**document | {"preset": "confined"}, step=ProjectInPlace())
+    assert case.step == ProjectInPlace()
