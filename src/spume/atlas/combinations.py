@@ -26,16 +26,8 @@ class Combination:
 
 
 SLOTS = (
-    "free_surface",
-    "divergence",
-    "laplacian",
-    "gradient",
-    "source",
-    "shifting",
-    "collision",
-    "wall_model",
-    "viscosity",
-)
+    "shifting", "gradient", "free_surface", "source", "divergence", "laplacian", "wall_model", "collision", "viscosity",
+)  # fmt: skip
 """Slots of the step that are varied, all registered models of each."""
 
 PUBLISHED = {
@@ -81,7 +73,8 @@ def _varied() -> Iterator[Combination]:
         for scheme in named.schemes(slot):
             if type(getattr(default, slot)) is scheme or not _fits(slot, scheme):
                 continue
-            layers = math.floor(ProjectInPlace(**{slot: scheme()}).largest_radius()) + 1
+            models: Any = {slot: scheme()}
+            layers = math.floor(ProjectInPlace(**models).largest_radius()) + 1
             yield Combination(f"{slot} {scheme.key}", (f"step.{slot}='{scheme.key}'",), slot, max(layers, 3))
         for name, setting in FORMS.items():
             if name.startswith(slot):
@@ -93,8 +86,9 @@ def _varied() -> Iterator[Combination]:
 
 def _fits(slot: str, scheme: type[Any]) -> bool:
     """Return whether the default step takes a model: a source of moved positions it does not."""
+    models: Any = {slot: scheme()}
     try:
-        ProjectInPlace(**{slot: scheme()})
+        ProjectInPlace(**models)
     except ValueError:
         return False
     return True
