@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from spume import named
+from spume import named, presets
 from spume.steps.project_in_place import ProjectInPlace
 
 
@@ -63,7 +63,9 @@ FORMS = {
 
 def combinations() -> list[Combination]:
     """Return all combinations: the default, one slot varied at a time, published sets, presets."""
-    return [Combination("default", (), "default"), *_varied(), *_published()]
+    found = [Combination("default", (), "default"), *_varied(), *_published()]
+    others = [name for name in presets.names() if name != presets.USUAL]
+    return found + [Combination(f"preset {name}", (f"preset='{name}'",), "preset") for name in others]
 
 
 def _varied() -> Iterator[Combination]:

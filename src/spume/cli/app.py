@@ -18,7 +18,7 @@ DONE, INPUT, DIVERGED, STOPPED = 0, 2, 3, 4
 
 app = typer.Typer(
     help="Simulate flow with a free surface by the Moving Particle Semi-implicit (MPS) method.",
-    epilog="Exit codes: 0 done, 2 input to correct, 3 the simulation diverged, 4 interrupted.",
+    epilog="Exit codes: 0 done, 2 input to correct, 3 the simulation diverged, 4 interrupted, 5 a bar is missed.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
