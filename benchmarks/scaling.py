@@ -42,8 +42,9 @@ def row(result: dict[str, Any]) -> str:
     return (
         f"| {result['dimension']}D | {result['fluid']:,} | {result['rows']:,} | {result['threads']} | "
         f"{result['us_per_fluid_particle_step']:.2f} | {stages.get('search', 0):.2f} | "
-        f"{stages.get('assembly', 0):.2f} | {stages.get('solve', 0):.2f} | {result['iterations']:.1f} | {result['peak_memory'] / result['rows']:,.0f} | "
-        f"{result['table_memory'] / result['rows']:,.0f} | {result['compilation']:.0f} |"
+        f"{stages.get('assembly', 0):.2f} | {stages.get('solve', 0):.2f} | {result['iterations']:.1f} | "
+        f"{result['peak_memory'] / result['rows']:,.0f} | {result['table_memory'] / result['rows']:,.0f} | "
+        f"{result['compilation']:.0f} |"
     )
 
 
