@@ -40,7 +40,7 @@ from spume.case import find_case
 from spume.cli import app
 
 ROOT = Path(__file__).parents[1]
-SHORT = ("--set", "time.end=0.02", "--set", "output.pictures=false", "--set", "output.animation=none", "--threads", "1")
+SHORT = ("--set", "time.end=0.01", "--set", "output.pictures=false", "--set", "output.animation=none", "--threads", "1")
 
 
 def _base(dimension: int) -> dict:

@@ -29,7 +29,7 @@ class OutputSettings(Parameters):
     fields: tuple[str, ...] = DEFAULT_FIELDS
     """Fields in a frame, besides ``position`` and ``id``."""
     log_interval: Annotated[int, Field(ge=1)] = 1
-    """Steps between two lines of ``log.csv``."""
+    """Steps between two lines of ``log.csv`` [1]."""
     pictures: bool = True
     """Draw ``snapshot.png`` and a picture of every gauge at the end."""
     checkpoint_interval: Annotated[float, Field(ge=0.0)] | Literal["none"] = 600.0
