@@ -46,7 +46,10 @@ WINDOW = 100
 """Steps over which the uses of limiters are averaged."""
 
 OFTEN = {"collisions": 0.02, "clipped": 0.01, "fallbacks": 0.05}
-"""Uses of limiters a step that are warned of: collisions and clipping per fluid row, fallbacks per step [1]."""
+"""Uses of limiters a step that are warned of [1].
+
+Collisions per fluid row, clipped pressures per fluid row off the free surface, fallbacks per step.
+"""
 
 LOST = 1e-2
 """Part of the fluid's rows that may leave the region before a second warning [1]."""
@@ -243,10 +246,18 @@ class Watch:
         if self._steps < WINDOW:
             return
         for name, limit in OFTEN.items():
-            share = self._uses[name] / self._steps / (1.0 if name == "fallbacks" else self._fluid)
+            share = self._uses[name] / self._steps / self._could(name)
             if share > limit:
                 self._warn_once(name, _SENTENCES[name].format(share=share, steps=self._steps))
         self._steps, self._uses = 0, {}
+
+    def _could(self, limiter: str) -> float:
+        """Return how often a limiter could act in a step: pressures are clipped where the surface gives none."""
+        if limiter == "fallbacks":
+            return 1.0
+        if limiter == "clipped" and self._uses[limiter] > 0.0:
+            return max(self._fluid - self._domain.particles.total("free_surface", FLUID), 1.0)
+        return float(self._fluid)
 
     def _warn_once(self, name: str, text: str) -> None:
         if name not in self._warned:
@@ -288,8 +299,8 @@ class Watch:
 _SENTENCES = {
     "collisions": "collisions act on {share:.0%} of the fluid particles a step (mean of {steps} steps): the time step "
     "is long for this flow, lower time.courant",
-    "clipped": "{share:.0%} of the fluid's pressures were negative and set to zero (mean of {steps} steps), which is a "
-    "force that the flow does not have: set step.negative_pressure = true with a gradient that bears tension",
+    "clipped": "{share:.0%} of the pressures inside the fluid were negative and set to zero (mean of {steps} steps), "
+    "a force that the flow does not have: set step.negative_pressure = true with a gradient that bears tension",
     "fallbacks": "the pressure solver needed its fallback in {share:.0%} of {steps} steps: it costs time, not "
     "accuracy; choose step.solver = cg, or report the case",
 }

@@ -144,7 +144,11 @@ def test_tables_hold_the_numbers_of_the_summary(page, whole):
     assert cells_of(page, "level")[:-1] == pytest.approx([v for v in expected if v is not None], rel=1e-12)
     log, _ = read_columns(whole / "log.csv")
     volume = log["volume"]
-    assert cells_of(page, "volume [m^2]")[:4] == [volume[0], volume[-1], volume.min(), volume.max()]
+    total = log["kinetic_energy"] + log["potential_energy"]
+    assert cells_of(page, "total energy [J/m]")[4:] == [total[-1] - total[0], (total[-1] - total[0]) / total[0]]
+    momentum = data_of(page)["charts"][[c["name"] for c in data_of(page)["charts"]].index("momentum")]["lines"][0]["y"]
+    assert cells_of(page, "momentum along x [kg m/s per m]")[:2] == [momentum[0], momentum[-1]]
+    assert cells_of(page, "volume [m²]")[:4] == [volume[0], volume[-1], volume.min(), volume.max()]
 
 
 def test_the_completed_case_and_the_environment_are_there(page, whole):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from spume.outputs.reference import Reference, common_shift, simulated
 from spume.report.particles import Overview
+from spume.report.tables import momentum_unit, typeset
 from spume.results import Results, RunFolderError
 
 LARGEST_POINTS = 3000
@@ -104,7 +105,7 @@ def _alone(name: str, runs: Sequence[Results], labels: Sequence[str], having: li
                 item["label"] = item["label"].rpartition(", ")[0]
         suffix = f" {len(made) + 1}" if len(by_unit) > 1 else ""
         title = name.replace("_", " ") + (f": {quantity}" if quantity and len(by_unit) > 1 else "")
-        made.append(chart(f"gauge {name}{suffix}", title, "t [s]", f"{quantity} [{unit}]".strip(), lines))
+        made.append(chart(f"gauge {name}{suffix}", title, "t [s]", f"{quantity} [{typeset(unit)}]".strip(), lines))
     return made
 
 
@@ -161,14 +162,14 @@ def budget_charts(runs: Sequence[Results], labels: Sequence[str], seen: Sequence
                 energy.append(line(prefix + label, columns["time"], values, colour, dash))
         overview = seen[index]
         if overview is not None:
-            units["momentum"] = "kg m/s" if run.dimension == 3 else "kg m/s per m"
+            units["momentum"] = momentum_unit(run)
             for number, axis in enumerate("xyz"[: run.dimension]):
                 if f"momentum_{axis}" in overview.series:
                     colour, dash = (index, number) if several else (number, 0)
                     values = overview.series[f"momentum_{axis}"]
                     momentum.append(line(f"{prefix}along {axis}", overview.times, values, colour, dash))
     made = [
-        chart("volume", "Volume of the fluid", "t [s]", f"volume [{units['volume']}]", volume),
+        chart("volume", "Volume of the fluid", "t [s]", f"volume [{typeset(units['volume'])}]", volume),
         chart("energy", "Energy of the fluid", "t [s]", f"energy [{units['kinetic_energy']}]", energy),
         chart("momentum", "Momentum of the fluid", "t [s]", f"momentum [{units['momentum']}]", momentum),
     ]

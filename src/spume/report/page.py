@@ -54,7 +54,7 @@ def page(
         ),
         ("particles", "Particles", _particles(runs, labels, seen, particles)),
         ("gauges", "Gauges", tables.comparisons(runs, labels) + _charts(gauges, everything)),
-        ("budgets", "Budgets", tables.budgets(runs, labels) + _charts(budgets, everything)),
+        ("budgets", "Budgets", tables.budgets(runs, labels, seen) + _charts(budgets, everything)),
         ("solver", "Solver", tables.solver(runs, labels) + _charts(solver, everything)),
         ("cost", "Cost", tables.cost(runs, labels)),
         ("case", "Case", _cases(runs, labels)),

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from spume.outputs.reference import Comparison
 from spume.progress import duration
@@ -25,6 +26,11 @@ def number(value: Any, digits: int = 4) -> str:
         return f"{int(value):,}".replace(",", " ")
     text = f"{value:.{digits}g}"
     return text.replace("e-0", "e-").replace("e+0", "e")
+
+
+def typeset(unit: str) -> str:
+    """Return a unit with raised exponents: ``m²`` for ``m^2``."""
+    return unit.replace("^2", "²").replace("^3", "³")
 
 
 def cell(value: Any, unit: str = "", digits: int = 4) -> str:
@@ -168,31 +174,44 @@ def _percent(share: float | None) -> str:
     return f'<td class="number" data-value="{share!r}">{100.0 * share:.3g} %</td>'
 
 
-def budgets(runs: Sequence[Results], labels: Sequence[str]) -> str:
-    """Return first, last, smallest and largest volume and energy, and their change."""
+def budgets(runs: Sequence[Results], labels: Sequence[str], seen: Sequence[Overview | None]) -> str:
+    """Return first, last, smallest and largest volume, energy and momentum, and their change."""
     rows = []
     for index, run in enumerate(runs):
-        try:
-            columns, units = run.columns()
-        except RunFolderError:
-            continue
-        quantities: dict[str, Any] = {
-            n: columns[n] for n in ("volume", "kinetic_energy", "potential_energy") if n in columns
-        }
-        if {"kinetic_energy", "potential_energy"} <= quantities.keys():
-            quantities["total energy"] = quantities["kinetic_energy"] + quantities["potential_energy"]
-        for name, values in quantities.items():
+        for name, values, unit, relative in _budgeted(run, seen[index]):
             values = values[np.isfinite(values)]
             if not len(values):
                 continue
-            unit = units.get(name, units.get("kinetic_energy", ""))
-            title = (f"{labels[index]}: " if len(runs) > 1 else "") + f"{_words(name)} [{unit}]"
+            title = (f"{labels[index]}: " if len(runs) > 1 else "") + f"{name} [{typeset(unit)}]"
             change = float(values[-1] - values[0])
-            share = change / float(values[0]) if values[0] > 0.0 and name != "kinetic_energy" else None
+            share = change / float(values[0]) if relative and values[0] > 0.0 else None
             cells = [cell(float(v)) for v in (values[0], values[-1], values.min(), values.max(), change)]
             rows.append((title, [*cells, _percent(share)]))
     head = ["", "first", "last", "smallest", "largest", "change", "relative"]
-    return table(rows, head, "Volume and energy over the steps")
+    return table(rows, head, "Volume and energy over the steps, momentum over the frames")
+
+
+def _budgeted(run: Results, seen: Overview | None) -> Iterator[tuple[str, NDArray[np.float64], str, bool]]:
+    """Yield name, values, unit of each budget, and whether its change relative to its first value says anything."""
+    try:
+        columns, units = run.columns()
+    except RunFolderError:
+        columns, units = {}, {}
+    if "volume" in columns:
+        yield "volume", columns["volume"], units["volume"], True
+    if {"kinetic_energy", "potential_energy"} <= columns.keys():
+        kinetic, potential, unit = columns["kinetic_energy"], columns["potential_energy"], units["kinetic_energy"]
+        yield "kinetic energy", kinetic, unit, False
+        yield "potential energy", potential, unit, True
+        yield "total energy", kinetic + potential, unit, True
+    for axis in "xyz"[: run.dimension]:
+        if seen is not None and f"momentum_{axis}" in seen.series:
+            yield f"momentum along {axis}", seen.series[f"momentum_{axis}"], momentum_unit(run), False
+
+
+def momentum_unit(run: Results) -> str:
+    """Return the unit of the momentum of a run's fluid."""
+    return "kg m/s" if run.dimension == 3 else "kg m/s per m"
 
 
 def solver(runs: Sequence[Results], labels: Sequence[str]) -> str:

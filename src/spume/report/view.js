@@ -204,7 +204,7 @@ class View {
   /** Margins of the drawing inside the canvas [pixels]: left, right, top, bottom. */
   margins() {
     const unit = this.ratio;
-    return this.dimension === 2 ? [52 * unit, 12 * unit, 10 * unit, 38 * unit] : [8 * unit, 8 * unit, 8 * unit, 40 * unit];
+    return this.dimension === 2 ? [52 * unit, 12 * unit, 22 * unit, 38 * unit] : [8 * unit, 8 * unit, 22 * unit, 40 * unit];
   }
 
   camera() {
@@ -334,7 +334,7 @@ class View {
   }
 
   stamp(group, camera, round) {
-    const part = round ? (this.dimension === 3 ? 0.62 : 0.66) : this.dimension === 3 ? 0.85 : 0.55;
+    const part = round ? (this.dimension === 3 ? 0.62 : 0.66) : this.dimension === 3 ? 0.85 : 0.62;
     const radius = part * group.distance * camera.scale;
     const key = `${radius.toFixed(2)}/${round}`;
     group.stamps ??= new Map();
@@ -470,7 +470,7 @@ class View {
     this.context.textAlign = "left";
     this.context.textBaseline = "top";
     this.context.fillStyle = this.ink;
-    this.context.fillText(`t = ${(times[frame] + share * (next - times[frame])).toFixed(3)} s`, left + 8 * this.ratio, top + 6 * this.ratio);
+    this.context.fillText(`t = ${(times[frame] + share * (next - times[frame])).toFixed(3)} s`, left, top - 16 * this.ratio);
   }
 
   /** Directions of the axes and a length to compare with. */

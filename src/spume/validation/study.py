@@ -169,7 +169,7 @@ def chosen(names: Sequence[str]) -> list[Study]:
         return list(known.values())
     found = []
     for name in names:
-        mine = [s for s in known.values() if name in (s.name, s.number, s.number.rstrip("abcd"))]
+        mine = [s for s in known.values() if name in (s.name, s.number, s.number.rstrip("abcde"))]
         if not mine:
             every = ", ".join(f"{s.name} ({s.number})" for s in known.values())
             message = f"no such validation case; there are {every}{nearest_match(name, known)}"
