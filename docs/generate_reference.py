@@ -238,7 +238,9 @@ Everything that `import spume` offers. Names are imported when they are first us
 Python is what a case file says, as constructor calls: the keys are those of the [case file](case-file.md), with the
 same units, defaults and limits. [Results from Python](../guide/python.md) shows how they work together."""
 HOMES = {
-    "spume.case": "Cases", "spume.geometry": "Shapes", "spume.bodies.wall": "Bodies", "spume.run": "Continuing a run",
+    "spume.case": "Cases", "spume.geometry": "Shapes", "spume.bodies.wall": "Bodies", "spume.run": "Runs",
+    "spume.simulation": "A simulation, step by step", "spume.history": "Gauges in memory", "spume.results": "Results",
+    "spume.outputs": "Outputs and references", "spume.outputs.gauges": "Gauges", "spume.citation": "Citing",
 }  # fmt: skip
 MADE = ("spume.run.run", "spume.outputs.snapshot.Snapshot", "spume.outputs.vtkhdf.Frame")
 """What the names above return or stand for."""
