@@ -22,8 +22,9 @@ INTRODUCTION = """\
 # Validated cases
 
 What Spume was compared with, what was to be reached and what was reached, as `spume validate` and the
-check scripts of the repository wrote it down. A missed bar is printed as missed; `validation/README.md` of the repository
-says what limits it. No case has models of its own. `spume validate --list` lists all cases with their bars."""
+check scripts of the repository wrote it down. A missed bar is printed as missed; `validation/README.md` of the
+repository says what limits it. No case has models of its own. `spume validate --list` lists all cases with their
+bars."""
 
 
 def page() -> str:
