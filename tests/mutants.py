@@ -135,11 +135,13 @@ def shown(path):
     return str(path.relative_to(SCHEMES if path.is_relative_to(SCHEMES) else SOURCES))
 
 
-WHOLE = ("class_of_row", "state_of")
+WHOLE = ("by_both_stages", "class_of_row", "state_of")
 """Formulas whose value is a whole number."""
 
 EQUIVALENT = {
     ("free_surface/asymmetry.py", "sign of offset"): "only the length of the sum counts",
+    ("free_surface/umbrella.py", "factor of _found"): "what is compared with 1/2 is 0 or 1",
+    ("free_surface/umbrella.py", "factor of in_cone"): "what is compared with 1/2 is 0 or 1",
     ("free_surface/vector.py", "sign of _scaled"): "only the length of the sum counts",
     ("free_surface/vector.py", "sign of direction"): "only the length of the sum counts",
     ("turbulence/smagorinsky.py", "sign of _scaled"): "the strain is squared",
@@ -235,11 +237,11 @@ def differs(path, text, names):
     """Return the first reference value that schemes made of a text do not give, or nothing."""
     try:
         with made_anew(path, text):
-            for name in names:
+            for d, name in itertools.product((2, 3), names):
                 for entry in measured.values(name):
-                    found = test_claims.given(name, entry, 2)
-                    if not abs(found - entry["2D"]) <= max(1e-8 * abs(entry["2D"]), 1e-11):
-                        return f"{name} gives {found:.9g}, not {entry['2D']:.9g}"
+                    found, expected = test_claims.given(name, entry, d), entry[f"{d}D"]
+                    if not abs(found - expected) <= max(1e-8 * abs(expected), 1e-11):
+                        return f"{name} gives {found:.9g}, not {expected:.9g}"
     except Exception as error:  # whatever a wrong formula leads to
         return f"{name if names else path}: {type(error).__name__}"
     return ""
