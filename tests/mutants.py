@@ -155,6 +155,12 @@ EQUIVALENT = {
     ("normal.py", "factor of neighbour_moment"): "the normal is scaled to length 1",
     ("normal.py", "factor of _inverse_or_nothing"): "the normal is scaled to length 1",
     ("viscosity/implicit.py", "value of no_guess"): "only the first guess of an iteration that converges",
+    (
+        "viscosity/implicit.py",
+        "value of _nothing",
+    ): "no missing neighbours, and the right side is written later",
+    ("viscosity/implicit.py", "value of _nothing_yet"): "the right side is written later",
+    ("viscosity/implicit.py", "value of _no_flux"): "the right side is written later",
 }
 """Mutants that compute the same."""
 
