@@ -77,7 +77,7 @@ def mutations(text):
             left = ast.get_source_segment(text, compare.left)
             if sign:
                 yield f"sign of {name}", swap(text, compare, f"{left} {sign} {right}")
-            if not isinstance(compare.ops[0], ast.Eq):
+            if not isinstance(compare.ops[0], ast.Eq) and right != "0.0":
                 yield f"factor of {name}", swap(text, compare, old[: -len(right)] + f"(0.8 * {right})")
         elif isinstance(value, ast.Constant):
             yield f"value of {name}", swap(text, value, f"{value.value} + 1.0")
@@ -342,7 +342,8 @@ def page(found, quick):
         "",
         f"Written by `python tests/mutants.py{' --quick' * quick} --table tests/mutants.md` on "
         f"{datetime.now(UTC):%Y-%m-%d}: {killed.total()} of {every.total()} killed.",
-        "A mutant has a wrong factor, sign or radius in one formula; it is killed if the claims of its scheme fail.",
+        "A mutant has a wrong factor, sign or radius in one formula; it is killed if the claims of its scheme or the",
+        "tests of its family fail.",
         "",
         "| family | mutants | killed |",
         "|---|---|---|",
