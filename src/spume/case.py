@@ -245,7 +245,7 @@ class Case(Parameters):
             if name not in fields:
                 message = f"must be a field: {', '.join(sorted(fields))}{nearest_match(name, fields)}"
                 yield ("output", "fields", index), message, name
-        written = [name for name in self.output.fields if name in fields]
+        written = [name for name in self.output.of_frame(fields) if name in fields]
         colours = ["speed"] if "velocity" in written else []
         colours += [name for name in written if fields[name].shape == ()]
         colour = self.output.colour
