@@ -57,7 +57,7 @@ def test_every_built_in_case_can_be_set_up(name):
     position = rows["position"]
     fluid = rows["kind"] == FLUID
     measure = sum(f.shape.measure() for f in a_case.fluid)
-    assert fluid.sum() * a_case.spacing**a_case.dimension == pytest.approx(measure, rel=2e-3)  # faces snap to cells
+    assert fluid.sum() * a_case.spacing**a_case.dimension == pytest.approx(measure, rel=1e-2)  # faces snap to cells
     cell = np.round(position / a_case.spacing - 0.5, 6)
     if not any(f.disturbance for f in a_case.fluid) and name != "standing-wave":
         assert len(np.unique(cell, axis=0)) == len(cell)
