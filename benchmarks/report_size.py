@@ -19,6 +19,7 @@ import time
 from datetime import date
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -134,9 +135,20 @@ def write_tables(folder: Path, spacing: float, dimension: int, fluid: int) -> No
     (folder / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
 
 
-def opened(page: Path, seconds: float, repeats: int) -> dict[str, float]:
-    """Return times to open the page [s], the median of some, and pictures per second of the animation that plays."""
-    ready, charted, complaints = [], [], []
+SCREENS = {
+    "1280 x 900": (1280, 900, 1.0),
+    "1280 x 900, two pixels per CSS pixel": (1280, 900, 2.0),
+    "390 x 844, three pixels per CSS pixel": (390, 844, 3.0),
+}
+
+
+def opened(page: Path, seconds: float, repeats: int) -> dict[str, Any]:
+    """Return times to open the page [s], medians, and what its animation does on every screen.
+
+    That is: pictures per second; processor time of the page's thread for a picture [ms], which does not depend on what
+    else the machine does; size of the picture [pixels], which the page makes smaller where pictures come too slowly.
+    """
+    ready, charted, screens = [], [], {}
     with browser.chromium() as driver:
         for _ in range(repeats):
             browser.screen(driver, 1280, 900)
@@ -148,39 +160,39 @@ def opened(page: Path, seconds: float, repeats: int) -> dict[str, float]:
             driver.execute_script("document.querySelector('#gauges').scrollIntoView()")
             wait(driver, "return window.spume.charted > 1")
             charted.append(time.perf_counter() - begin)
-        driver.execute_script("document.querySelector('#particles').scrollIntoView()")
-        frames = {}
-        for name, set_up in {
-            "1280 x 900": lambda: browser.screen(driver, 1280, 900),
-            "1280 x 900, two pixels per CSS pixel": lambda: browser.screen(driver, 1280, 900, 2.0),
-            "390 x 844, three pixels per CSS pixel": lambda: browser.screen(driver, 390, 844, 3.0),
-        }.items():
-            set_up()
-            driver.execute_script("document.getElementById('rate').value = '0.125'; spume.player.seek(0);")
-            time.sleep(0.5)
-            driver.execute_script(
-                "spume.player.play(); window.from = [performance.now(), spume.player.views[0].drawn];"
-            )
+        driver.execute_cdp_cmd("Performance.enable", {"timeDomain": "threadTicks"})
+        for name, (width, height, ratio) in SCREENS.items():
+            browser.screen(driver, width, height, ratio)
+            driver.get(page.as_uri())  # anew: it remembers how fine it may draw
+            wait(driver, "return window.spume && window.spume.ready")
+            driver.execute_script("document.querySelector('#particles').scrollIntoView()")
+            driver.execute_script("document.getElementById('rate').value = '0.125'; spume.player.play();")
+            time.sleep(1.0)
+            before = state(driver)
             time.sleep(seconds)
-            count, span = driver.execute_script(
-                "const now = [performance.now(), spume.player.views[0].drawn]; spume.player.pause();"
-                "return [now[1] - window.from[1], (now[0] - window.from[0]) / 1000];"
-            )
-            frames[name] = count / span
-        drawing = driver.execute_script(
-            "const v = spume.player.views[0], b = performance.now();"
-            "for (let i = 0; i < 30; i++) { v.azimuth += 3; v.draw(i, 0.5); } return (performance.now() - b) / 30;"
-        )
-        complaints = browser.complaints(driver)
-    return {
-        "ready": float(np.median(ready)), "charted": float(np.median(charted)), "frames": frames, "drawing": drawing,
-        "complaints": complaints,
-    }  # fmt: skip
+            after = state(driver)
+            count = after["drawn"] - before["drawn"]
+            screens[name] = {
+                "rate": 1000.0 * count / (after["now"] - before["now"]),
+                "work": 1000.0 * (after["ThreadTime"] - before["ThreadTime"]) / count,
+                "size": after["size"],
+            }
+        return {
+            "ready": float(np.median(ready)), "charted": float(np.median(charted)), "screens": screens,
+            "complaints": browser.complaints(driver),
+        }  # fmt: skip
 
 
-def wait(driver: object, script: str, limit: float = 60.0) -> None:
+def state(driver: Any) -> dict[str, Any]:
+    metrics = driver.execute_cdp_cmd("Performance.getMetrics", {})["metrics"]
+    view = "spume.player.views[0]"
+    names = f"{{drawn: {view}.drawn, now: performance.now(), size: [{view}.canvas.width, {view}.canvas.height]}}"
+    return driver.execute_script(f"return {names}") | {m["name"]: m["value"] for m in metrics}
+
+
+def wait(driver: Any, script: str, limit: float = 60.0) -> None:
     begin = time.perf_counter()
-    while not driver.execute_script(script):  # type: ignore[attr-defined]
+    while not driver.execute_script(script):
         if time.perf_counter() - begin > limit:
             raise TimeoutError(script)
         time.sleep(0.01)
@@ -195,6 +207,7 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=3, help="times the page is opened")
     parser.add_argument("--keep", type=Path, help="folder in which the run folder stays")
     given = parser.parse_args()
+    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
     with tempfile.TemporaryDirectory() as temporary:
         folder = (given.keep or Path(temporary)) / "sloshing"
         folder.mkdir(parents=True)
@@ -203,7 +216,7 @@ def main() -> None:
         page = write_report(folder)
         made = time.perf_counter() - begin
         print(f"{date.today()}, {_processor()}, {os.cpu_count()} cores, {platform.system()} {platform.release()}, "
-              f"Python {platform.python_version()}")  # fmt: skip
+              f"Python {platform.python_version()}; load when it began {load:.1f}")  # fmt: skip
         print(f"run: {fluid:,} fluid particles, {given.frames} frames, {given.dimension}D, "
               f"{(folder / 'run.vtkhdf').stat().st_size / 1e6:.0f} MB of frames")  # fmt: skip
         data = json.loads(page.read_text("utf-8").split('id="report">')[1].split("</script>")[0])
@@ -219,11 +232,11 @@ def main() -> None:
         print(
             f"opens: particles and page in {found['ready']:.2f} s (at most 3), first charts in {found['charted']:.2f} s"
         )
-        for name, rate in found["frames"].items():
-            print(f"animation, {name}: {rate:.0f} pictures per second (at least 30)")
-        print(
-            f"drawing alone: {found['drawing']:.1f} ms per picture; console: {found['complaints'] or 'no complaints'}"
-        )
+        for name, screen in found["screens"].items():
+            width, height = screen["size"]
+            print(f"animation, {name}: {screen['rate']:.0f} pictures per second (at least 30), "
+                  f"{screen['work']:.1f} ms of the processor for each of {width} x {height} pixels")  # fmt: skip
+        print(f"console: {found['complaints'] or 'no complaints'}")
 
 
 if __name__ == "__main__":

@@ -81,7 +81,7 @@ def case_file() -> str:
 
 PRESETS = """\
 `preset = "NAME"` at the top level sets defaults of `step` and `time`; what the case says itself goes before them,
-key by key."""
+key by key. [Presets](../presets.md) says more."""
 
 
 def presets_table() -> str:

@@ -6,6 +6,7 @@ from arrangements import table
 from reference.cloud import DT, DT_BEFORE
 from reference.collision import walls
 from reference.step import SOUND, density_at_start
+from reference.viscosity import slipping
 from spume.domain import Domain
 from spume.gravity import Constant
 from spume.particles import FLUID, WALL
@@ -131,6 +132,16 @@ def viscosity(scheme, cloud, u=None, dt=DT, share=None):
     return rows.get("acceleration")
 
 
+def implicit_at_wall(scheme, cloud, share=None):
+    """Return the viscous acceleration of the fluid rows, where some rows are solid."""
+    solid, to_surface = walls(cloud)
+    slip = (solid & slipping(cloud)).astype(int)
+    rows = Rows(scheme, cloud, share, to_surface=to_surface, slip=slip, wall_velocity=cloud.u_before)
+    rows.put(kind=np.where(solid, WALL, FLUID))
+    scheme(*rows.handles, DT)
+    return np.where(solid[:, None], 0.0, rows.get("acceleration"))
+
+
 def shifting(scheme, cloud, share=None):
     rows = Rows(scheme, cloud, share, pressure=cloud.phi, pressure_gradient=cloud.slope)
     model = NumberDensity(re=cloud.re / cloud.l0)
@@ -157,7 +168,7 @@ def step(scheme, cloud, share=None):
 
 def carried(scheme, cloud, share=None):
     """Return velocity and pressure [kPa] after the shift."""
-    rows = Rows(scheme, cloud, share, pressure=cloud.phi)
+    rows = Rows(scheme, cloud, share, pressure=cloud.phi, pressure_gradient=cloud.slope)
     model = NumberDensity(re=cloud.re / cloud.l0)
     model(*rows.handles)
     scheme(*rows.handles, model, DT)

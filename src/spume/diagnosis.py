@@ -153,7 +153,7 @@ class Watch:
                 f"a speed of {speed:.4g} m/s, for {self._fast} steps more than {FASTEST:g} times what fall, initial "
                 f"motion and walls can give ({limit / FASTEST:.3g} m/s)",
                 "the step is unstable: too long for these models, or particles that were pressed together fly apart",
-                f"lower time.courant (now {clock.courant:g}), refine the spacing, or choose the default models",
+                f"{clock.shorter}, refine the spacing, or choose the default models",
             )
         if dt < SMALLEST_STEP * self._largest_dt or clock.time + dt == clock.time:
             return Finding(
@@ -226,7 +226,7 @@ class Watch:
             f"{number} of {self._fluid} fluid particles went through a wall, the deepest is "
             f"{-clearance[row] / l0:.2g} spacings behind its surface",
             "the wall moves or is hit too fast for the time step, or is thinner than its layers",
-            f"lower time.courant (now {self._clock.courant:g}), refine the spacing or give the body more layers",
+            f"{self._clock.shorter}, refine the spacing or give the body more layers",
             row,
         )
 
@@ -298,7 +298,7 @@ class Watch:
 
 _SENTENCES = {
     "collisions": "collisions act on {share:.0%} of the fluid particles a step (mean of {steps} steps): the time step "
-    "is long for this flow, lower time.courant",
+    "is long for this flow, lower time.courant and time.travel",
     "clipped": "{share:.0%} of the pressures inside the fluid were negative and set to zero (mean of {steps} steps), "
     "a force that the flow does not have: set step.negative_pressure = true with a gradient that bears tension",
     "fallbacks": "the pressure solver needed its fallback in {share:.0%} of {steps} steps: it costs time, not "
@@ -316,8 +316,7 @@ def not_a_number(clock: Clock) -> Finding:
     return Finding(
         "a velocity is not a number",
         "a time step too large, or particles that started too close",
-        f"lower time.courant (now {clock.courant:g}), or look at the last frame, which shows this state, for "
-        "overlapping particles",
+        f"{clock.shorter}, or look at the last frame, which shows this state, for overlapping particles",
     )
 
 
@@ -339,7 +338,7 @@ def not_solved(error: Exception, domain: Domain, clock: Clock) -> Finding:
         if single
         else "particles that lie on one another, or that a wall encloses: the matrix is nearly singular there",
         ("compute in double precision, raise step.solver.tolerance" if single else "raise step.solver.tolerance")
-        + f" or step.solver.largest_iterations, lower time.courant (now {clock.courant:g})",
+        + f" or step.solver.largest_iterations, {clock.shorter}",
         row,
     )
 
@@ -354,6 +353,6 @@ def crowded(error: Exception, domain: Domain, clock: Clock) -> Finding:
     return Finding(
         f"the list of neighbours overflowed: {error}",
         "particles are pressed or drawn together: shifting is off, two fluids overlap, or a body moves into another",
-        f"choose the default shifting and collision, lower time.courant (now {clock.courant:g}), or keep bodies apart",
+        f"choose the default shifting and collision, {clock.shorter}, or keep bodies apart",
         row,
     )

@@ -176,7 +176,7 @@ def worthwhile_threads(rows: int) -> int:
 
 def light(rows: int) -> bool:
     """Return whether a loop of few operations a row runs faster on one thread than through the thread pool."""
-    return runtime().serial or (runtime().device == "cpu" and rows < 50_000)
+    return runtime().serial or (runtime().device == "cpu" and rows < 120_000)
 
 
 def initialize(device: str | None = None, threads: int | None = None, precision: str = "double") -> Runtime:

@@ -135,7 +135,7 @@ class Player {
       }
       this.frame = this.within(this.times, 0)[0];
       this.show(1);
-      for (const view of this.views) view.adapt(false);
+      for (const view of this.views) view.adapt(true);
       requestAnimationFrame(tick);
     };
     requestAnimationFrame(tick);
@@ -150,7 +150,7 @@ class Player {
     if (!this.playing) return;
     this.playing = false;
     this.label();
-    for (const view of this.views) view.adapt(true);
+    for (const view of this.views) view.adapt(false);
     this.seek(this.frame);
   }
 
@@ -174,6 +174,7 @@ class Player {
       const now = [event.clientX, event.clientY], dx = now[0] - before[0], dy = now[1] - before[1];
       moved += Math.abs(dx) + Math.abs(dy);
       down.set(event.pointerId, now);
+      for (const each of this.views) each.adapt(true);
       if (down.size === 2) {
         const [a, b] = [...down.values()], other = a === now ? b : a;
         const gain = Math.hypot(now[0] - other[0], now[1] - other[1]) / Math.hypot(before[0] - other[0], before[1] - other[1]);
@@ -189,6 +190,10 @@ class Player {
         this.show();
       }
       down.delete(event.pointerId);
+      if (!down.size && moved && !this.playing) {
+        for (const each of this.views) each.adapt(false);
+        this.show();
+      }
     };
     canvas.addEventListener("pointerup", up);
     canvas.addEventListener("pointercancel", up);

@@ -2,9 +2,11 @@
 // Particles of one run: numbers as packed.py stores them, drawn by the processor into a canvas, so that every
 // browser shows the same with or without a graphics card.
 
-const PIXELS = 1.1e6; // drawn at most; beyond, a pixel of the canvas covers several of the screen
-const FEWEST_PIXELS = 1.5e5; // where that is too slow to play
-const SLOW = 20; // milliseconds for a picture
+const STILL = 2e6; // pixels drawn at most; beyond, one of them covers several of the screen
+const MOVING = 6e5; // the same while it plays or is turned
+const FEWEST = 1.2e5; // where that is too slow
+const SLOW = 25; // milliseconds between two pictures
+const WORK = 8; // of which drawing takes that many at least, else something else is slow
 const SHADES = 8;
 const HIDDEN = 65535;
 const BUCKETS = 2048; // of distances from the eye
@@ -105,7 +107,7 @@ const packedColour = (r, g, b) => (255 << 24) | (b << 16) | (g << 8) | r;
 /** Colours in every shade: table[shade * count + colour]. */
 function shaded(colours) {
   const count = colours.length / 3;
-  const table = new Uint32Array(SHADES * count);
+  const table = new Int32Array(SHADES * count);
   for (let s = 0; s < SHADES; s++) {
     const light = s / (SHADES - 1);
     for (let c = 0; c < count; c++) {
@@ -144,8 +146,9 @@ class View {
     this.selected = -1;
     this.frame = 0;
     this.drawn = 0; // pictures so far
-    this.most = PIXELS;
-    this.mean = 0; // milliseconds for a picture, lately
+    this.most = STILL;
+    this.work = this.span = 0; // milliseconds of drawing, and between two pictures, lately
+    this.last = null;
     this.reset();
     this.resize();
   }
@@ -169,7 +172,7 @@ class View {
     this.canvas.width = width;
     this.canvas.height = height;
     this.image = this.context.createImageData(width, height);
-    this.pixels = new Uint32Array(this.image.data.buffer);
+    this.pixels = new Int32Array(this.image.data.buffer); // signed numbers are faster
     this.depth = new Float32Array(width * height);
     return true;
   }
@@ -183,6 +186,7 @@ class View {
     this.ink = style.getPropertyValue("--ink").trim();
     this.faint = style.getPropertyValue("--faint").trim();
     this.mark = style.getPropertyValue("--mark").trim();
+    this.paper = style.getPropertyValue("--plot").trim();
     this.background = packedColour(...rgb("--plot"));
     const wall = rgb("--wall"), greys = [];
     for (let light = 0; light < GREYS; light++) greys.push(...wall.map((part) => part * (0.76 + (0.24 * light) / (GREYS - 1))));
@@ -365,19 +369,28 @@ class View {
     this.drawTime(frame, share);
     if (fluid) this.drawMarks(frame);
     this.drawn++;
-    this.mean += 0.2 * (performance.now() - begin - this.mean);
+    this.work += 0.2 * (performance.now() - begin - this.work);
   }
 
-  /** Draw coarser where pictures take too long to play; `fine` goes back. True if the canvas changed. */
-  adapt(fine) {
-    if (fine) this.most = PIXELS;
-    else if (this.mean > SLOW && this.most > FEWEST_PIXELS) {
-      this.most = Math.max(FEWEST_PIXELS, Math.min(this.most, this.canvas.width * this.canvas.height) * 0.6);
-      this.mean = 0;
-    } else return false;
-    const changed = this.resize();
-    if (changed) this.theme();
-    return changed;
+  /** Draw coarser, and coarser still where pictures come too slowly; not `moving`: fine again. */
+  adapt(moving) {
+    const now = performance.now(), before = this.most;
+    if (!moving) {
+      this.most = STILL;
+      this.last = null;
+    } else {
+      if (this.last === null) {
+        this.most = Math.min(MOVING, this.coarse || MOVING);
+        this.span = 0;
+      } else this.span += 0.2 * (Math.min(now - this.last, 200) - this.span);
+      this.last = now;
+      if (this.span > SLOW && this.work > WORK && this.most > FEWEST) {
+        this.most = Math.max(FEWEST, 0.7 * Math.min(this.most, this.canvas.width * this.canvas.height));
+        this.coarse = this.most; // remembered for the next time
+        this.span = 0;
+      }
+    }
+    if (this.most !== before && this.resize()) this.theme(); // asking for sizes makes the browser lay out the page
   }
 
   /** Background and walls, which are kept while neither they nor the eye move. */
@@ -421,7 +434,7 @@ class View {
     const c = this.context, unit = this.ratio;
     const [left, right, top, bottom] = this.margins();
     const w = this.canvas.width, h = this.canvas.height;
-    c.fillStyle = this.cssBackground();
+    c.fillStyle = this.paper;
     c.fillRect(0, h - bottom, w, bottom);
     c.fillRect(0, 0, left, h);
     c.fillRect(0, 0, w, top);
@@ -458,10 +471,6 @@ class View {
     const step = niceStep(high - low, wanted);
     const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
     for (let k = Math.ceil(low / step - 1e-9); k * step <= high * (1 + 1e-12) + 1e-12; k++) place(k * step, (k * step).toFixed(digits));
-  }
-
-  cssBackground() {
-    return getComputedStyle(document.documentElement).getPropertyValue("--plot").trim();
   }
 
   drawTime(frame, share) {
@@ -506,7 +515,7 @@ class View {
     c.beginPath();
     c.arc(s[3 * row], s[3 * row + 1], radius, 0, TAU);
     c.lineWidth = (wide + 2) * this.ratio;
-    c.strokeStyle = this.cssBackground();
+    c.strokeStyle = this.paper;
     c.stroke();
     c.lineWidth = wide * this.ratio;
     c.strokeStyle = colour;
