@@ -4,7 +4,7 @@
 
 const STILL = 2e6; // pixels drawn at most; beyond, one of them covers several of the screen
 const MOVING = 6e5; // the same while it plays or is turned
-const FEWEST = 1.2e5; // where that is too slow
+const FEWEST = 2.4e5; // where that is too slow
 const SLOW = 25; // milliseconds between two pictures
 const WORK = 8; // of which drawing takes that many at least, else something else is slow
 const SHADES = 8;
