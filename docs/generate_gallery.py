@@ -7,6 +7,7 @@ Needs nothing but the clone. The figures stay where they are: docs/hooks.py show
 """
 
 import json
+import math
 import re
 import sys
 from pathlib import Path
@@ -20,61 +21,84 @@ INTRODUCTION = """\
 
 # Validated cases
 
-What Spume was compared with, what was to be reached and what was reached, as the check scripts of the repository wrote
-it down. A missed bar is printed as missed; `validation/README.md` of the repository says what limits it. No case has
-settings of its own. Every command runs in a clone, from its root."""
+What Spume was compared with, what was to be reached and what was reached, as `spume validate` and the
+check scripts of the repository wrote it down. A missed bar is printed as missed; `validation/README.md` of the
+repository says what limits it. No case has models of its own. `spume validate --list` lists all cases with their
+bars."""
 
 
 def page() -> str:
     """Return the text of the page."""
     folders = [folder for folder in sorted(VALIDATION.iterdir()) if folder.is_dir() and records(folder)]
-    counts = [bar["holds"] for folder in folders for record in records(folder) for bar in record["bars"]]
-    parts = [INTRODUCTION, f"{sum(counts)} of {len(counts)} bars hold."]
+    bars = [bar for folder in folders for record in records(folder) for bar in rows(record)]
+    holds = sum(verdict == "holds" for *_, verdict in bars)
+    parts = [INTRODUCTION, f"{holds} of {len(bars)} bars hold."]
     for folder in folders:
         parts += section(folder)
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
 def records(folder: Path) -> list[dict[str, Any]]:
-    """Return what the check script of a folder wrote, if it wrote bars."""
+    """Return what ``spume validate`` or a check script wrote into a folder, if it wrote bars."""
     found = [json.loads(path.read_text(encoding="utf-8")) for path in sorted(folder.glob("results*.json"))]
-    return [record for record in found if record.get("bars")]
+    return [record for record in found if isinstance(record, dict) and record.get("bars")]
 
 
 def section(folder: Path) -> list[str]:
     """Return title, description, figures, tables and command of a case."""
-    text = (folder / "README.md").read_text(encoding="utf-8")
+    found, readme = records(folder), folder / "README.md"
+    first = found[0]
+    text = readme.read_text(encoding="utf-8") if readme.exists() else f"# {first['title']}\n\n{first['reference']}"
     title = re.sub(r"^# ", "", text.splitlines()[0])
     body = re.sub(r"\s*!\[.*?\]\(.*?\)\s*", "\n\n", "\n".join(text.splitlines()[1:])).strip()
-    command = re.search(r"`(python validation/[^`]+)`", body)
-    body = re.sub(r"\s*`python validation/[^`]+`\s*\Z", "", body).strip()
+    command = re.search(r"`(spume validate [^`]+|python validation/[^`]+)`", body)
+    body = re.sub(r"\s*`(?:spume validate|python validation/)[^`]*`\s*\Z", "", body).strip()
     parts = [f"## {title} {{ #{folder.name} }}", body]
     for figure in sorted(folder.glob("figure*.png")):
         alt = re.search(rf"!\[(.*?)\]\({re.escape(figure.name)}\)", text)
         parts.append(f"![{alt[1] if alt else title}](validation/{folder.name}/{figure.name}){{ loading=lazy }}")
-    for record in records(folder):
-        parts += [f"**{record['title']}** – {record['date']}, {record['machine']}", table(record["bars"])]
-    parts.append(f"Command: `{command[1] if command else f'python validation/{folder.name}/check.py'}`")
+    for record in found:
+        parts += [f"**{record['title']}** – {record['date']}, {record['machine']}", table(record)]
+    parts.append(f"Command: `{command[1] if command else f'spume validate {folder.name}'}`")
     return parts
 
 
-def table(bars: list[dict[str, Any]]) -> str:
+def rows(record: dict[str, Any]) -> list[tuple[str, str, str, str]]:
+    """Return quantity, bar, reached value and verdict of each bar."""
+    found = []
+    for bar in record["bars"]:
+        if "metric" in bar:  # of spume validate
+            series = f"{bar['series']}: " if bar["series"] else ""
+            at = f", {record['length']} = {bar['cells']}" if bar["cells"] else ""
+            found.append(
+                (series + bar["metric"] + at, limits(bar["lower"], bar["upper"]), bar["reached"], bar["verdict"])
+            )
+        else:
+            low, high = bar["bar"] if isinstance(bar["bar"], list) else (None, bar["bar"])
+            verdict = "holds" if bar["holds"] else "MISSED"
+            found.append((bar["quantity"], limits(low, high), bar["reached"], verdict))
+    return [(quantity, bar, number(reached), verdict) for quantity, bar, reached, verdict in found]
+
+
+def table(record: dict[str, Any]) -> str:
     """Return the bars beside what was reached."""
     lines = ["| quantity | bar | reached | |", "|---|---|---|---|"]
-    for bar in bars:
-        limit = bar["bar"]
-        text = f"{number(limit[0])} … {number(limit[1])}" if isinstance(limit, list) else f"≤ {number(limit)}"
-        verdict = "holds" if bar["holds"] else "**missed**"
-        quantity = bar["quantity"].replace("|", "\\|").replace("<", "&lt;").replace("*", "\\*")
-        lines.append(f"| {quantity} | {text} | {number(bar['reached'])} | {verdict} |")
+    for quantity, bar, reached, verdict in rows(record):
+        words = quantity.replace("|", "\\|").replace("<", "&lt;").replace("*", "\\*")
+        lines.append(f"| {words} | {bar} | {reached} | {'**missed**' if verdict == 'MISSED' else verdict} |")
     return "\n".join(lines)
 
 
+def limits(low: float | None, high: float | None) -> str:
+    """Return the limits of a bar as text."""
+    if low is None or abs(low) == math.inf:
+        return f"≤ {number(high)}"
+    return f"≥ {number(low)}" if high is None or high == math.inf else f"{number(low)} … {number(high)}"
+
+
 def number(value: float | None) -> str:
-    """Return a number with three digits; bars without a limit on one side show none."""
-    if value is None or abs(value) == float("inf"):
-        return ""
-    return f"{value:.3g}"
+    """Return a number with three digits; a dash for none."""
+    return "–" if value is None else f"{value:.3g}"
 
 
 def stale() -> bool:

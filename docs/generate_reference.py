@@ -18,6 +18,7 @@ sys.path.insert(0, str(DOCS))
 from keys import PAGES, cell, prose, publications, rows  # noqa: E402
 
 import spume.case  # noqa: E402
+from spume import presets  # noqa: E402
 from spume.cli import app  # noqa: E402
 
 HEADER = "<!-- Written by docs/generate_reference.py: change the code instead. -->"
@@ -53,6 +54,7 @@ def case_file() -> str:
     schema = spume.case.schema()
     definitions = schema["$defs"]
     parts = [HEADER, "# Case file, key by key", INTRODUCTION, "## Top level { #top-level }", rows(schema, UP)]
+    parts += ["## Presets { #presets }", PRESETS, presets_table()]
     for name, title in TABLES:
         definition = definitions[name]
         anchor = name.removeprefix("family-").lower()
@@ -75,6 +77,26 @@ def case_file() -> str:
     if missing:
         raise SystemExit(f"families that no page describes: {', '.join(sorted(missing))}")
     return "\n\n".join(part for part in parts if part) + "\n"
+
+
+PRESETS = """\
+`preset = "NAME"` at the top level sets defaults of `step` and `time`; what the case says itself goes before them,
+key by key. [Presets](../presets.md) says more."""
+
+
+def presets_table() -> str:
+    """Return the presets: what each is for, and what it sets."""
+    lines = ["| preset | for | sets |", "|---|---|---|"]
+    for name in presets.names():
+        text = (presets.FOLDER / f"{name}.toml").read_text(encoding="utf-8")
+        purpose = " ".join(line.removeprefix("#").strip() for line in text.splitlines() if line.startswith("#"))
+        table = ""
+        keys = []
+        for line in text.splitlines():
+            table = line.strip("[]") if line.startswith("[") else table
+            keys += [f"`{table}.{line}`"] if "=" in line and not line.startswith("#") else []
+        lines.append(f"| `{name}` | {cell(purpose)} | {', '.join(keys) or 'nothing'} |")
+    return "\n".join(lines)
 
 
 def choices(family: str, definition: dict[str, Any]) -> list[str]:
@@ -107,8 +129,8 @@ _SHORT = {
 def command_line() -> str:
     """Return the page of the commands."""
     parts = [
-        HEADER, "# Command line", one_line(app.info.help),
-        "`spume COMMAND --help` prints the same. " + one_line(app.info.epilog),
+        HEADER, "# Command line", described(app.info.help),
+        "`spume COMMAND --help` prints the same. " + described(app.info.epilog),
         "## `spume`", options(app.registered_callback.callback),
     ]  # fmt: skip
     commands = {command.name or command.callback.__name__: command for command in app.registered_commands}
@@ -117,7 +139,7 @@ def command_line() -> str:
             continue
         words = ["spume", name, "[OPTIONS]", *(usage(*entry) for entry in entries(command.callback, "argument"))]
         parts += [f"## `spume {name}`", f"`{' '.join(words)}`"]
-        parts += [prose(command.help or command.callback.__doc__ or ""), options(command.callback)]
+        parts += [described(command.help or command.callback.__doc__ or ""), options(command.callback)]
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
@@ -134,7 +156,7 @@ def entries(callback: Any, kind: str) -> list[tuple[inspect.Parameter, Any, Any]
 
 def label(parameter: inspect.Parameter, information: Any) -> str:
     """Return the name of an argument, as the help of its command shows it."""
-    return str(information.metavar or parameter.name.upper()).strip("[]")
+    return re.sub(r"[\[\]….]", "", information.metavar or parameter.name.upper())
 
 
 def usage(parameter: inspect.Parameter, hint: Any, information: Any) -> str:
@@ -147,15 +169,17 @@ def options(callback: Any) -> str:
     """Return the table of a command's arguments and options."""
     lines = ["| argument or option | value | meaning |", "|---|---|---|"]
     for parameter, _, information in entries(callback, "argument"):
-        lines.append(f"| `{label(parameter, information)}` |  | {cell(information.help or '')} |")
+        name = label(parameter, information).replace("|", "\\|")
+        lines.append(f"| `{name}` |  | {cell(unmarked(information.help or ''))} |")
     for parameter, hint, information in entries(callback, "option"):
         # In an annotation typer holds the first declaration as the default.
         declared = (information.default, *(information.param_decls or ()))
-        names = [d for d in declared if isinstance(d, str) and d.startswith("-")]
-        names = names or [f"--{parameter.name.replace('_', '-')}"]
+        names = [name for d in declared if isinstance(d, str) and d.startswith("-") for name in d.split("/")]
+        word = parameter.name.replace("_", "-")
+        names = names or ([f"--{word}", f"--no-{word}"] if hint is bool else [f"--{word}"])
         lines.append(
             f"| {', '.join(f'`{name}`' for name in names)} | {value(hint, information)} "
-            f"| {cell(information.help or '')} |"
+            f"| {cell(unmarked(information.help or ''))} |"
         )
     return "\n".join(lines) if len(lines) > 2 else ""
 
@@ -173,9 +197,21 @@ def value(hint: Any, information: Any) -> str:
 _VALUES = {str: "TEXT", int: "INTEGER", float: "NUMBER", Path: "PATH", bool: ""}
 
 
-def one_line(text: str | None) -> str:
-    """Return text in one line."""
-    return prose(re.sub(r"\s+", " ", text or "").strip())
+def described(text: str) -> str:
+    """Return the help of a command as Markdown, its examples as code."""
+    parts = []
+    for paragraph in re.split(r"\n\s*\n", unmarked(inspect.cleandoc(text))):
+        lines = [line.strip() for line in paragraph.splitlines()]
+        found = [line for line in lines if line.startswith("spume ")]
+        words = [line for line in lines if line not in found]
+        parts += [prose(" ".join(words))] if words else []
+        parts += ["\n".join(f"    {line}" for line in found)] if found else []
+    return "\n\n".join(parts)
+
+
+def unmarked(text: str) -> str:
+    """Return a text of the command line without the marks for its colours."""
+    return re.sub(r"\[/?(?:cyan|bold|dim|italic)\]", "", text).replace("\\[", "[")
 
 
 # ------------------------------------------------------------------------------------------------ Python
@@ -193,7 +229,7 @@ def python() -> str:
         for name in found:
             thing = getattr(spume, name)
             parts.append(f"::: {thing.__module__}.{thing.__qualname__}")
-    parts += ["## Simulations and runs", *(f"::: {name}" for name in MADE)]
+    parts += ["## What these return", *(f"::: {name}" for name in MADE)]
     return "\n\n".join(parts) + "\n"
 
 
@@ -202,10 +238,12 @@ Everything that `import spume` offers. Names are imported when they are first us
 Python is what a case file says, as constructor calls: the keys are those of the [case file](case-file.md), with the
 same units, defaults and limits. [Results from Python](../guide/python.md) shows how they work together."""
 HOMES = {
-    "spume.case": "Cases", "spume.geometry": "Shapes", "spume.bodies.wall": "Bodies", "spume.run": "Continuing a run",
+    "spume.case": "Cases", "spume.geometry": "Shapes", "spume.bodies.wall": "Bodies", "spume.run": "Runs",
+    "spume.simulation": "A simulation, step by step", "spume.history": "Gauges in memory", "spume.results": "Results",
+    "spume.outputs": "Outputs and references", "spume.outputs.gauges": "Gauges", "spume.citation": "Citing",
 }  # fmt: skip
-MADE = ("spume.simulation.Simulation", "spume.outputs.snapshot.Snapshot", "spume.run.run", "spume.run.Run")
-"""What the names above return."""
+MADE = ("spume.run.run", "spume.outputs.snapshot.Snapshot", "spume.outputs.vtkhdf.Frame")
+"""What the names above return or stand for."""
 
 
 # ----------------------------------------------------------------------------------------------- sources

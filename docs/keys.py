@@ -17,7 +17,7 @@ PAGES = {
 }  # fmt: skip
 """Families with a page of their own, from the folder docs."""
 HEAD = "| key | type | unit | default | allowed | meaning |\n|---|---|---|---|---|---|"
-_UNIT = re.compile(r" ?\[((?:1|m|s|kg|Pa|N|J|Hz|rad|degrees|unit of)(?:[\^/ ]?[\w ^/()]*)?)\]")
+_UNIT = re.compile(r" ?\[((?:1|m|s|kg|Pa|N|J|Hz|rad|degrees|(?:SI )?unit of)(?:[\^/ ]?[\w ^/()]*)?)\]")
 _LENGTHS = {2: "two numbers", 3: "three numbers"}
 
 Node = Mapping[str, Any]

@@ -4,10 +4,12 @@ import numpy as np
 
 from arrangements import table
 from reference.cloud import DT, DT_BEFORE
+from reference.collision import walls
 from reference.step import SOUND, density_at_start
+from reference.viscosity import slipping
 from spume.domain import Domain
 from spume.gravity import Constant
-from spume.particles import FLUID
+from spume.particles import FLUID, WALL
 from spume.pressure.matrix import SYSTEM_FIELDS, UNKNOWN, LinearSystem
 from spume.schemes.divergence.original import Original as OriginalDivergence
 from spume.schemes.free_surface.base import SURFACE_SHARE
@@ -130,6 +132,16 @@ def viscosity(scheme, cloud, u=None, dt=DT, share=None):
     return rows.get("acceleration")
 
 
+def implicit_at_wall(scheme, cloud, share=None):
+    """Return the viscous acceleration of the fluid rows, where some rows are solid."""
+    solid, to_surface = walls(cloud)
+    slip = (solid & slipping(cloud)).astype(int)
+    rows = Rows(scheme, cloud, share, to_surface=to_surface, slip=slip, wall_velocity=cloud.u_before)
+    rows.put(kind=np.where(solid, WALL, FLUID))
+    scheme(*rows.handles, DT)
+    return np.where(solid[:, None], 0.0, rows.get("acceleration"))
+
+
 def shifting(scheme, cloud, share=None):
     rows = Rows(scheme, cloud, share, pressure=cloud.phi, pressure_gradient=cloud.slope)
     model = NumberDensity(re=cloud.re / cloud.l0)
@@ -156,7 +168,7 @@ def step(scheme, cloud, share=None):
 
 def carried(scheme, cloud, share=None):
     """Return velocity and pressure [kPa] after the shift."""
-    rows = Rows(scheme, cloud, share, pressure=cloud.phi)
+    rows = Rows(scheme, cloud, share, pressure=cloud.phi, pressure_gradient=cloud.slope)
     model = NumberDensity(re=cloud.re / cloud.l0)
     model(*rows.handles)
     scheme(*rows.handles, model, DT)
@@ -178,6 +190,17 @@ def collision(scheme, cloud, share=None):
     rows = Rows(scheme, cloud, share)
     scheme(*rows.handles, DT)
     return rows.get("velocity") - cloud.u
+
+
+def collision_at_wall(scheme, cloud, share=None):
+    """Return the changes of velocity and of position over dt, and the number of collisions; some rows are solid."""
+    solid, to_surface = walls(cloud)
+    rows = Rows(scheme, cloud, share, to_surface=to_surface)
+    rows.put(kind=np.where(solid, WALL, FLUID))
+    scheme(*rows.handles, DT)
+    moved = (rows.get("position") - cloud.x) / DT
+    count = np.where(solid, 0, rows.get("collisions"))
+    return np.column_stack([rows.get("velocity") - cloud.u, moved, count])
 
 
 def turbulence(scheme, cloud, share=None):

@@ -1,17 +1,18 @@
 """Make each scheme wrong on purpose and see that its claims notice: python tests/mutants.py [FAMILY] [--quick].
 
-A mutant is a copy of the sources in which one formula of a scheme, or one that schemes share, has a wrong factor, sign
-or radius. It is killed if a test of that scheme in tests/test_claims.py fails, or one of its file of tests in
-tests/schemes; one whose tests do not end, or end otherwise than with failures, is not. Mutants of schemes that do not
-depend on each other share a run; one that the reference values do not find is then run alone. Prints killed/total;
-exits with 1 if one is not killed.
+A mutant is the source of one file in which one formula of a scheme, or one that schemes share, has a wrong factor, sign
+or radius. First the schemes that it is part of are made anew from it, in this process, and held to the reference values
+in tests/claims.toml; the same is done with the source as it is, which must pass. A mutant that gives these values is
+written into a copy of the tree whose tests are run: those of its family in tests/schemes, then those of its schemes in
+tests/test_claims.py. It is killed if one of them fails, and is not if they end otherwise or not at all. Prints
+killed/total; exits with 1 if one is not killed.
 
 Results are kept, so that a run can be resumed: a mutant that was killed is not made again unless its file or the
 entries of its schemes in tests/claims.toml changed; one that was not is always judged again.
 
 Options:
     --quick        one factor, one sign and one radius per scheme
-    --jobs N       processes (default 1)
+    --here         leave out the runs of whole tests, which take minutes for each mutant that gives reference values
     --limit S      seconds for the tests of one mutant (default 1200)
     --state FILE   where results are kept (default: in the temporary folder)
     --table FILE   write what was found as a page, one line a family
@@ -19,9 +20,10 @@ Options:
 
 import argparse
 import ast
-import concurrent.futures
+import contextlib
 import functools
 import hashlib
+import itertools
 import json
 import os
 import re
@@ -29,11 +31,15 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import threading
 import tomllib
+import types
 from collections import Counter
 from datetime import UTC, datetime
 from pathlib import Path
+
+import measured
+import test_claims
+from spume import kernels, named
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCES = ROOT / "src" / "spume"
@@ -71,7 +77,7 @@ def mutations(text):
             left = ast.get_source_segment(text, compare.left)
             if sign:
                 yield f"sign of {name}", swap(text, compare, f"{left} {sign} {right}")
-            if not isinstance(compare.ops[0], ast.Eq):
+            if not isinstance(compare.ops[0], ast.Eq) and right != "0.0":
                 yield f"factor of {name}", swap(text, compare, old[: -len(right)] + f"(0.8 * {right})")
         elif isinstance(value, ast.Constant):
             yield f"value of {name}", swap(text, value, f"{value.value} + 1.0")
@@ -99,10 +105,10 @@ def files(family):
     """Return {file: names of the schemes that must notice}: its own, or all that use it if it has none."""
     own = {path: schemes_of(ast.parse(path.read_text(encoding="utf-8"))) for path in sorted(SCHEMES.rglob("*.py"))}
     names = {path: [f"{path.parent.name}.{name}" for name in found] for path, found in own.items() if found}
-    names[SOURCES / "steps" / "weakly_compressible.py"] = ["step.weakly-compressible"]
     for path in own:
         if path not in names:
             names[path] = [name for user in [*names] if path in reach(user) for name in names[user]]
+    names[SOURCES / "steps" / "weakly_compressible.py"] = ["step.weakly-compressible"]
     return {path: found for path, found in names.items() if found and family in (None, family_of(path))}
 
 
@@ -129,11 +135,13 @@ def shown(path):
     return str(path.relative_to(SCHEMES if path.is_relative_to(SCHEMES) else SOURCES))
 
 
-WHOLE = ("class_of_row", "state_of")
+WHOLE = ("by_both_stages", "class_of_row", "state_of")
 """Formulas whose value is a whole number."""
 
 EQUIVALENT = {
     ("free_surface/asymmetry.py", "sign of offset"): "only the length of the sum counts",
+    ("free_surface/umbrella.py", "factor of _found"): "what is compared with 1/2 is 0 or 1",
+    ("free_surface/umbrella.py", "factor of in_cone"): "what is compared with 1/2 is 0 or 1",
     ("free_surface/vector.py", "sign of _scaled"): "only the length of the sum counts",
     ("free_surface/vector.py", "sign of direction"): "only the length of the sum counts",
     ("turbulence/smagorinsky.py", "sign of _scaled"): "the strain is squared",
@@ -147,11 +155,14 @@ EQUIVALENT = {
     ("normal.py", "factor of neighbour_moment"): "the normal is scaled to length 1",
     ("normal.py", "factor of _inverse_or_nothing"): "the normal is scaled to length 1",
     ("viscosity/implicit.py", "value of no_guess"): "only the first guess of an iteration that converges",
+    (
+        "viscosity/implicit.py",
+        "value of _nothing",
+    ): "no missing neighbours, and the right side is written later",
+    ("viscosity/implicit.py", "value of _nothing_yet"): "the right side is written later",
+    ("viscosity/implicit.py", "value of _no_flux"): "the right side is written later",
 }
 """Mutants that compute the same."""
-
-ALONE = ("weight/inverse.py", "number_density/base.py", "divergence/original.py")
-"""Files that the tests of other families use."""
 
 
 def reach(path):
@@ -167,22 +178,6 @@ def reach(path):
     return found
 
 
-def batches(chosen):
-    """Group mutants so that no scheme of a group depends on the file of another: then one run judges them all."""
-    groups = []
-    for mutant in chosen:
-        path, needed = mutant[0], reach(mutant[0])
-        for group in groups:
-            others = [other[0] for other in group]
-            alone = any(shown(p) in ALONE for p in (path, *others))
-            if not alone and path not in others and not any(p in needed or path in reach(p) for p in others):
-                group.append(mutant)
-                break
-        else:
-            groups.append([mutant])
-    return groups
-
-
 def own_tests(path):
     """Return the files of tests that are about a file's formulas, beside the claims."""
     names = (path.parent.name, path.stem)
@@ -190,18 +185,17 @@ def own_tests(path):
     return [str(file.relative_to(ROOT)) for file in found if file.exists()][:1]
 
 
-def failed(group, limit, *arguments):
-    """Return the names of the tests that fail with the mutants of a group, None if there was no such answer."""
+def failed(mutant, limit, *arguments):
+    """Return the names of the tests that fail with a mutant, None if there was no such answer."""
     with tempfile.TemporaryDirectory(prefix="spume-mutants-") as folder:
         copy = Path(folder)
         for part in ("src", "tests", "pyproject.toml"):
             source = ROOT / part
             ignore = shutil.ignore_patterns("__pycache__", ".*")
             shutil.copytree(source, copy / part, ignore=ignore) if source.is_dir() else shutil.copy(source, copy / part)
-        for path, _, _, text in group:
-            (copy / path.relative_to(ROOT)).write_text(text, encoding="utf-8")
+        (copy / mutant[0].relative_to(ROOT)).write_text(mutant[3], encoding="utf-8")
         environment = os.environ | {"PYTHONPATH": str(copy / "src"), "PYTHONDONTWRITEBYTECODE": "1"}
-        command = [sys.executable, "-m", "pytest", "-q", "-rfE", "--tb=no", "-n", "0", "-p", "no:cacheprovider"]
+        command = [sys.executable, "-m", "pytest", "-q", "-x", "-rfE", "--tb=no", "-n", "0", "-p", "no:cacheprovider"]
         command += arguments
         try:
             answer = subprocess.run(command, cwd=copy, env=environment, capture_output=True, text=True, timeout=limit)
@@ -212,33 +206,87 @@ def failed(group, limit, *arguments):
     return re.findall(r"^(?:FAILED|ERROR) \S+?::(.*)$", answer.stdout, re.MULTILINE)
 
 
-def noticed(names, tests):
-    """Whether a test of one of the schemes is among those that failed."""
-    return any(re.search(rf"{re.escape(name)}(?![\w-]*[a-z])", test) for name in names for test in tests)
+def module_name(path):
+    """Return the name under which a file is imported."""
+    return ".".join(path.relative_to(SOURCES.parent).with_suffix("").parts)
 
 
-def judge(group, limit):
+@contextlib.contextmanager
+def made_anew(path, text):
+    """Execute a file's text, and after it every file of schemes that imports it; then take all of that back."""
+    users = [p for p in sorted(SCHEMES.rglob("*.py")) if path in reach(p)]
+    users.sort(key=lambda p: len(reach(p)))  # what a file imports reaches fewer than it
+    registry = {family: dict(known) for family, known in named._registry.items()}
+    modules, families, schemes = dict(sys.modules), dict(named._family), dict(measured.SCHEMES)
+    with tempfile.TemporaryDirectory(prefix="spume-mutants-") as folder:
+        try:
+            for file in (path, *users):
+                copy = Path(folder) / f"{module_name(file)}.py"  # the kernel language reads the source from the file
+                copy.write_text(text if file == path else file.read_text(encoding="utf-8"), encoding="utf-8")
+                module = types.ModuleType(module_name(file))
+                module.__file__ = str(copy)
+                sys.modules[module.__name__] = module
+                exec(compile(copy.read_text(encoding="utf-8"), str(copy), "exec"), module.__dict__)
+            for name in measured.SCHEMES:
+                measured.SCHEMES[name] = named.find(*name.split("."))
+            yield
+        finally:
+            sys.modules.update({name: modules[name] for name in modules if name.startswith("spume.")})
+            measured.SCHEMES.update(schemes)
+            named._family.update(families)
+            for family, known in registry.items():
+                named._registry[family].clear()
+                named._registry[family].update(known)
+
+
+def differs(path, text, names):
+    """Return the first reference value that schemes made of a text do not give, or nothing."""
+    try:
+        with made_anew(path, text):
+            for d, name in itertools.product((2, 3), names):
+                for entry in measured.values(name):
+                    found, expected = test_claims.given(name, entry, d), entry[f"{d}D"]
+                    if not abs(found - expected) <= max(1e-8 * abs(expected), 1e-11):
+                        return f"{name} gives {found:.9g}, not {expected:.9g}"
+    except Exception as error:  # whatever a wrong formula leads to
+        return f"{name if names else path}: {type(error).__name__}"
+    return ""
+
+
+def judge(waiting, options):
     """Yield (mutant, "killed", "survived" or "no answer")."""
-    # The reference values first: they find nearly every mutant and need the fewest kernels.
-    names = " or ".join(f"{name}-" for mutant in group for name in mutant[1])
-    words = f"the_scheme_gives and 2D and ({names})"
-    tests = failed(group, limit * len(group), "tests/test_claims.py", "-k", words)
-    for mutant in group:
-        killed = tests is not None and noticed(mutant[1], tests)
-        if not killed:
-            words = f"({' or '.join(mutant[1])}) and not double_loop"
-            every = failed([mutant], limit, "-x", *own_tests(mutant[0])) if own_tests(mutant[0]) else []
-            if not every:
-                every = failed([mutant], limit, "-x", "tests/test_claims.py", "-k", words)
-            result = "no answer" if every is None else "killed" if every else "survived"
-        yield mutant, "killed" if killed else result
+    kernels.initialize("cpu", 1, "double")
+    for path, group in itertools.groupby(waiting, key=lambda mutant: mutant[0]):
+        mutants_of_file = list(group)
+        names = mutants_of_file[0][1]
+        wrong = differs(path, path.read_text(encoding="utf-8"), names)
+        if wrong:
+            print(f"as it is, {shown(path)} cannot be judged by reference values: {wrong}")
+        for mutant in mutants_of_file:
+            found = "" if wrong else differs(path, mutant[3], names)
+            result = "killed" if found else "survived"
+            if result == "survived" and not options.here:
+                result = by_tests(mutant, options.limit)
+            yield mutant, result
+
+
+def by_tests(mutant, limit):
+    """Return what the tests of a mutant's family and schemes say."""
+    words = f"({' or '.join(mutant[1])}) and not double_loop"
+    for arguments in (own_tests(mutant[0]), ["tests/test_claims.py", "-k", words]):
+        found = failed(mutant, limit, *arguments) if arguments else []
+        if found is None:
+            return "no answer"
+        if found:
+            return "killed"
+    return "survived"
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("family", nargs="?")
     parser.add_argument("--quick", action="store_true")
-    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--here", action="store_true")
     parser.add_argument("--limit", type=float, default=1200.0)
     parser.add_argument("--state", type=Path, default=Path(tempfile.gettempdir()) / "spume-mutants.jsonl")
     parser.add_argument("--table", type=Path)
@@ -253,16 +301,10 @@ def main():
             report(mutant, "killed", found)
         else:
             waiting.append(mutant)
-    with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
-
-        def work(group):
-            for mutant, result in judge(group, options.limit):
-                with lock, options.state.open("a") as file:
-                    file.write(json.dumps({"key": key(mutant), "result": result}) + "\n")
-                    report(mutant, result, found)
-
-        lock = threading.Lock()
-        list(pool.map(work, batches(waiting)))
+    for mutant, result in judge(waiting, options):
+        with options.state.open("a") as file:
+            file.write(json.dumps({"key": key(mutant), "result": result}) + "\n")
+        report(mutant, result, found)
     killed = sum(result == "killed" for _, _, result in found.values())
     print(f"{killed}/{len(found)} killed")
     if options.table:
@@ -300,7 +342,8 @@ def page(found, quick):
         "",
         f"Written by `python tests/mutants.py{' --quick' * quick} --table tests/mutants.md` on "
         f"{datetime.now(UTC):%Y-%m-%d}: {killed.total()} of {every.total()} killed.",
-        "A mutant has a wrong factor, sign or radius in one formula; it is killed if the claims of its scheme fail.",
+        "A mutant has a wrong factor, sign or radius in one formula; it is killed if the claims of its scheme or the",
+        "tests of its family fail.",
         "",
         "| family | mutants | killed |",
         "|---|---|---|",

@@ -17,10 +17,12 @@ An HTML comment before a block, which no reader sees, says what is different abo
 - ``<!-- not run: why -->``: its commands are only checked against the parser of the command line;
 - ``<!-- exit code 2 -->``: its last command is to fail, with this code;
 - ``<!-- short: --set spacing=0.05 -->``: options of the runs that follow on the page, besides SHORT;
+- ``<!-- needs: meshio pyvista -->``: it is left out where these libraries of an extra are missing;
 - ``<!-- no case: what it is -->``: a ``toml`` block that is no case file.
 """
 
 import contextlib
+import importlib.util
 import io
 import os
 import re
@@ -40,7 +42,7 @@ from spume.case import find_case
 from spume.cli import app
 
 ROOT = Path(__file__).parents[1]
-SHORT = ("--set", "time.end=0.02", "--set", "output.pictures=false", "--set", "output.animation=none", "--threads", "1")
+SHORT = ("--set", "time.end=0.01", "--set", "output.pictures=false", "--set", "output.animation=none", "--threads", "1")
 
 
 def _base(dimension: int) -> dict:
@@ -76,7 +78,7 @@ NOTES = {
 """Notes on blocks of the README, which is read where comments show, by how they begin."""
 
 _BLOCK = re.compile(r"^(?P<indent> *)```(?P<info>[^`\n]*)\n(?P<text>.*?)^(?P=indent)```[ ]*$", re.MULTILINE | re.DOTALL)
-_NOTE = re.compile(r"<!-- (not run|exit code|short|no case|title):? ?(.*?) ?-->\s*\Z")
+_NOTE = re.compile(r"<!-- (not run|exit code|short|no case|title|needs):? ?(.*?) ?-->\s*\Z")
 
 
 @dataclass(frozen=True)
@@ -220,6 +222,8 @@ class Reader:
         """
         if "short" in block.notes:
             self.short = shlex.split(block.notes["short"])
+        if any(importlib.util.find_spec(name) is None for name in block.notes.get("needs", "").split()):
+            return
         if block.title:
             (self.folder / block.title).write_text(block.text, encoding="utf-8")
         if "not run" in block.notes:

@@ -7,14 +7,22 @@ from spume.case import built_in_cases, load
 from tanks import advanced
 
 COARSER = {
+    "cavity": 0.1,
     "dam-break": 0.03,
     "dam-break-3d": 0.03,
     "dam-break-martin-moyce": 0.005715,
     "dam-break-stl": 0.04,
+    "elliptical-drop": 0.1,
+    "faraday": 0.05,
     "hydrostatic": 0.05,
     "hydrostatic-3d": 0.05,
+    "linear-sway": 0.05,
+    "oscillating-drop": 0.1,
+    "rolling-tank": 0.02,
+    "rotating-square": 0.1,
     "sloshing": 0.0186,
     "standing-wave": 0.1,
+    "sway-sloshing": 0.05,
     "taylor-green": 0.05,
 }
 """Spacings [m] that make the cases small; those that are small already are run as they are."""

@@ -141,9 +141,12 @@ def test_limiters_that_act_too_often_are_told_of_once(simulation, told):
     for _ in range(3 * WINDOW):
         watch.after_step({"collisions": 10, "clipped": 0, "fallbacks": 0, "removed": 0})
     assert count(told, "collisions act on 10% of the fluid particles a step") == 1
+    fluid = simulation.fetch("id")[simulation.fetch("kind") == FLUID]
+    give(simulation, "free_surface", fluid, 0)
+    give(simulation, "free_surface", fluid[:20], 1)
     for _ in range(WINDOW):
         watch.after_step({"clipped": 60, "fallbacks": 1})
-    assert count(told, "60% of the fluid's pressures were negative") == 1
+    assert count(told, "75% of the pressures inside the fluid were negative") == 1  # 60 of 100, 20 on the surface
     assert count(told, "the pressure solver needed its fallback in 100%") == 1
     watch._fluid = 1000
     for _ in range(12):
@@ -155,6 +158,17 @@ def test_limiters_that_act_as_usual_are_not_told_of(simulation, told):
     for _ in range(3 * WINDOW):
         simulation.watch.after_step({"collisions": 1.0, "clipped": 0.5, "fallbacks": 0})
     assert told == []
+
+
+def test_one_per_cent_of_clipped_pressures_is_of_the_rows_inside(simulation, told):
+    """0.6 of 100 rows a step are too many where only 50 are off the surface; and the remedy is named."""
+    fluid = simulation.fetch("id")[simulation.fetch("kind") == FLUID]
+    give(simulation, "free_surface", fluid, 0)
+    give(simulation, "free_surface", fluid[:50], 1)
+    for _ in range(2 * WINDOW):
+        simulation.watch.after_step({"clipped": 0.6})
+    assert count(told, "1% of the pressures inside the fluid were negative and set to zero") == 1
+    assert count(told, "set step.negative_pressure = true with a gradient that bears tension") == 1
 
 
 def test_a_run_that_fails_leaves_its_state_and_a_good_checkpoint(monkeypatch, tmp_path):

@@ -1,6 +1,8 @@
 """spume doctor: it finds what is there, names what is not, and its self-test can fail."""
 
 import json
+import os
+import subprocess
 import sys
 
 import pytest
@@ -116,3 +118,20 @@ def test_pictures_without_pyvista_and_ffmpeg(monkeypatch):
     checks = by_name(doctor.pictures())
     assert all('pip install "spume[view]"' in check.remedy for check in checks.values())
     assert len(checks) == 2
+
+
+@pytest.mark.parametrize("hidden", ["quadrants", "numpy"])
+def test_it_examines_what_is_left_where_a_library_is_missing(hidden, tmp_path):
+    """In a process of its own, as the modules that import the library are loaded here."""
+    code = (
+        f"import sys; sys.modules[{hidden!r}] = None; sys.argv = ['spume', 'doctor', '--quick']\n"
+        "from spume.cli import main\n"
+        "main()\n"
+    )
+    environment = {**os.environ, "SPUME_CACHE": str(tmp_path)}
+    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, env=environment)
+    assert (answer.returncode, "Traceback" in answer.stderr) == (2, False), answer.stderr
+    said = " ".join(answer.stdout.split())
+    assert "Not ready: " in said
+    assert f"libraries: {hidden}" in said.partition("Not ready: ")[2]
+    assert "mend the libraries first" in said

@@ -1,12 +1,14 @@
 """The pages that are generated are what would be generated now, and describe every key and option there is."""
 
 import re
+import shlex
 import sys
 from pathlib import Path
 
 import pytest
 import typer
 
+from pages import check_options
 from spume.case import schema
 from spume.cli import app
 
@@ -64,3 +66,27 @@ def test_every_option_of_the_command_line_is_one():
         printed = set(re.findall(r"`(-[\w-]+)`", section))
         there = {o for p in commands[name].params for o in (*p.opts, *p.secondary_opts) if o.startswith("-")}
         assert printed == there - {"--help", "-h"}, name
+
+
+def test_the_examples_of_the_command_line_are_understood():
+    text = (DOCS / "reference" / "command-line.md").read_text("utf-8")
+    examples = re.findall(r"^    spume (.*)$", text, re.MULTILINE)
+    assert len(examples) > 5
+    for example in examples:
+        check_options(shlex.split(example.split(" > ")[0]))
+
+
+def test_every_citation_of_the_theory_is_among_the_publications():
+    text = re.sub(r"\s+", " ", (DOCS / "theory.md").read_text("utf-8"))
+    sources = (DOCS / "reference" / "sources.md").read_text("utf-8")
+    citations = re.findall(r"([A-Z][\w-]+)(?: et al\.| & [\w ]+?|, [A-Z]\w+ & [A-Z]\w+)? \(?((?:19|20)\d\d)", text)
+    assert len(citations) > 20
+    missing = {f"{name} {year}" for name, year in citations if not re.search(rf"{name}.*\({year}\)", sources)}
+    assert missing == set()
+
+
+@pytest.mark.skipif(not (DOCS.parent / "mkdocs.yml").exists(), reason="no mkdocs.yml beside the tests")
+def test_every_page_is_in_the_navigation():
+    navigation = (DOCS.parent / "mkdocs.yml").read_text("utf-8")
+    names = [path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md")]
+    assert [name for name in names if f": {name}\n" not in navigation] == []

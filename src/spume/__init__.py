@@ -39,6 +39,8 @@ _HOME = {
     ),
     "spume.bodies.wall": ("Wall",),
     "spume.citation": ("cite",),
+    "spume.outputs": ("OutputSettings", "Reference"),
+    "spume.outputs.gauges": ("Elevation", "Energy", "Force", "Front", "Momentum", "Pressure", "Volume"),
     "spume.history": ("History",),
     "spume.simulation": ("Simulation",),
     "spume.run": ("Run", "resume"),

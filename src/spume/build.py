@@ -477,6 +477,13 @@ def check_gauges(case: Case, rows: Rows) -> None:
         raise CaseError(problems)
 
 
+def warn_of_models(case: Case) -> None:
+    """Tell which models of the step do not fit each other, though they can be computed together."""
+    caution = case.step.caution()
+    if caution:
+        log.warning("%s: %s", case.origin.name(("step",)) or "step", caution)
+
+
 def build(
     case: Case, device: str | None = None, threads: int | None = None, precision: str | None = None
 ) -> Simulation:
@@ -496,9 +503,7 @@ def build(
 
     rows = initial_rows(case)
     check_gauges(case, rows)
-    caution = case.step.caution()
-    if caution:
-        log.warning("%s: %s", case.origin.name(("step",)) or "step", caution)
+    warn_of_models(case)
     threads = threads or case.threads or kernels.worthwhile_threads(len(rows["kind"]))
     kernels.initialize(device or case.device, threads, precision or case.precision)
     return _simulation(case, rows)

@@ -47,7 +47,7 @@ class Time(Parameters):
     """Largest time step [s]; default: no limit but the others'."""
     courant: Annotated[float, Field(gt=0, le=1)] = 0.2
     """Courant number: the part of a spacing by which two neighbours move against each other in a step [1]."""
-    travel: Annotated[float, Field(gt=0, le=2)] = 0.2
+    travel: Annotated[float, Field(gt=0, le=2)] = 0.5
     """Largest way of a particle in a step, as a multiple of the spacing [1]."""
 
 
@@ -245,7 +245,7 @@ class Case(Parameters):
             if name not in fields:
                 message = f"must be a field: {', '.join(sorted(fields))}{nearest_match(name, fields)}"
                 yield ("output", "fields", index), message, name
-        written = [name for name in self.output.fields if name in fields]
+        written = [name for name in self.output.of_frame(fields) if name in fields]
         colours = ["speed"] if "velocity" in written else []
         colours += [name for name in written if fields[name].shape == ()]
         colour = self.output.colour

@@ -28,7 +28,7 @@ class Clock:
 
     end: float
     courant: float = 0.2
-    travel: float = 0.2
+    travel: float = 0.5
     step_max: float = inf
     time: float = 0.0
     step: int = 0
@@ -36,6 +36,11 @@ class Clock:
     limiter: str = ""
     growth: float = field(default=1.2, repr=False)
     """Largest ratio of a step to the one before [1]."""
+
+    @property
+    def shorter(self) -> str:
+        """How to make the steps shorter, for messages."""
+        return f"lower time.courant and time.travel (now {self.courant:g} and {self.travel:g})"
 
     @property
     def done(self) -> bool:

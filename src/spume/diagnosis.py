@@ -46,7 +46,10 @@ WINDOW = 100
 """Steps over which the uses of limiters are averaged."""
 
 OFTEN = {"collisions": 0.02, "clipped": 0.01, "fallbacks": 0.05}
-"""Uses of limiters a step that are warned of: collisions and clipping per fluid row, fallbacks per step [1]."""
+"""Uses of limiters a step that are warned of [1].
+
+Collisions per fluid row, clipped pressures per fluid row off the free surface, fallbacks per step.
+"""
 
 LOST = 1e-2
 """Part of the fluid's rows that may leave the region before a second warning [1]."""
@@ -150,7 +153,7 @@ class Watch:
                 f"a speed of {speed:.4g} m/s, for {self._fast} steps more than {FASTEST:g} times what fall, initial "
                 f"motion and walls can give ({limit / FASTEST:.3g} m/s)",
                 "the step is unstable: too long for these models, or particles that were pressed together fly apart",
-                f"lower time.courant (now {clock.courant:g}), refine the spacing, or choose the default models",
+                f"{clock.shorter}, refine the spacing, or choose the default models",
             )
         if dt < SMALLEST_STEP * self._largest_dt or clock.time + dt == clock.time:
             return Finding(
@@ -223,7 +226,7 @@ class Watch:
             f"{number} of {self._fluid} fluid particles went through a wall, the deepest is "
             f"{-clearance[row] / l0:.2g} spacings behind its surface",
             "the wall moves or is hit too fast for the time step, or is thinner than its layers",
-            f"lower time.courant (now {self._clock.courant:g}), refine the spacing or give the body more layers",
+            f"{self._clock.shorter}, refine the spacing or give the body more layers",
             row,
         )
 
@@ -243,10 +246,18 @@ class Watch:
         if self._steps < WINDOW:
             return
         for name, limit in OFTEN.items():
-            share = self._uses[name] / self._steps / (1.0 if name == "fallbacks" else self._fluid)
+            share = self._uses[name] / self._steps / self._could(name)
             if share > limit:
                 self._warn_once(name, _SENTENCES[name].format(share=share, steps=self._steps))
         self._steps, self._uses = 0, {}
+
+    def _could(self, limiter: str) -> float:
+        """Return how often a limiter could act in a step: pressures are clipped where the surface gives none."""
+        if limiter == "fallbacks":
+            return 1.0
+        if limiter == "clipped" and self._uses[limiter] > 0.0:
+            return max(self._fluid - self._domain.particles.total("free_surface", FLUID), 1.0)
+        return float(self._fluid)
 
     def _warn_once(self, name: str, text: str) -> None:
         if name not in self._warned:
@@ -287,9 +298,9 @@ class Watch:
 
 _SENTENCES = {
     "collisions": "collisions act on {share:.0%} of the fluid particles a step (mean of {steps} steps): the time step "
-    "is long for this flow, lower time.courant",
-    "clipped": "{share:.0%} of the fluid's pressures were negative and set to zero (mean of {steps} steps), which is a "
-    "force that the flow does not have: set step.negative_pressure = true with a gradient that bears tension",
+    "is long for this flow, lower time.courant and time.travel",
+    "clipped": "{share:.0%} of the pressures inside the fluid were negative and set to zero (mean of {steps} steps), "
+    "a force that the flow does not have: set step.negative_pressure = true with a gradient that bears tension",
     "fallbacks": "the pressure solver needed its fallback in {share:.0%} of {steps} steps: it costs time, not "
     "accuracy; choose step.solver = cg, or report the case",
 }
@@ -305,8 +316,7 @@ def not_a_number(clock: Clock) -> Finding:
     return Finding(
         "a velocity is not a number",
         "a time step too large, or particles that started too close",
-        f"lower time.courant (now {clock.courant:g}), or look at the last frame, which shows this state, for "
-        "overlapping particles",
+        f"{clock.shorter}, or look at the last frame, which shows this state, for overlapping particles",
     )
 
 
@@ -328,7 +338,7 @@ def not_solved(error: Exception, domain: Domain, clock: Clock) -> Finding:
         if single
         else "particles that lie on one another, or that a wall encloses: the matrix is nearly singular there",
         ("compute in double precision, raise step.solver.tolerance" if single else "raise step.solver.tolerance")
-        + f" or step.solver.largest_iterations, lower time.courant (now {clock.courant:g})",
+        + f" or step.solver.largest_iterations, {clock.shorter}",
         row,
     )
 
@@ -343,6 +353,6 @@ def crowded(error: Exception, domain: Domain, clock: Clock) -> Finding:
     return Finding(
         f"the list of neighbours overflowed: {error}",
         "particles are pressed or drawn together: shifting is off, two fluids overlap, or a body moves into another",
-        f"choose the default shifting and collision, lower time.courant (now {clock.courant:g}), or keep bodies apart",
+        f"choose the default shifting and collision, {clock.shorter}, or keep bodies apart",
         row,
     )

@@ -6,6 +6,7 @@ process of its own.
 
 from __future__ import annotations
 
+import contextlib
 import importlib.metadata
 import json
 import os
@@ -15,7 +16,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -68,12 +69,20 @@ def examine(quick: bool = False, folder: Path | None = None) -> Iterator[Check]:
         quick: leave out what takes seconds: off-screen rendering and the self-test.
         folder: where results would be written; default: the current folder.
     """
-    yield from installation()
-    yield from devices()
-    yield from machine(Path.cwd() if folder is None else folder)
-    yield from pictures(quick)
-    if not quick:
-        yield self_test()
+    with contextlib.suppress(ImportError):  # imported first, it keeps the kernel language from printing its version
+        from spume import kernels  # noqa: F401
+    parts: list[tuple[str, Callable[[], Iterable[Check]]]] = [
+        ("installation", installation),
+        ("devices", devices),
+        ("machine", lambda: machine(Path.cwd() if folder is None else folder)),
+        ("pictures", lambda: pictures(quick)),
+        ("self-test", lambda: [] if quick else [self_test()]),
+    ]
+    for subject, part in parts:
+        try:
+            yield from part()
+        except ImportError as error:  # a library that is missing, which the first part has named, hides the others
+            yield Check(subject, "all", BROKEN, str(error), "mend the libraries first", needed=True)
 
 
 # --------------------------------------------------------------------------------------- installation
@@ -82,7 +91,6 @@ def examine(quick: bool = False, folder: Path | None = None) -> Iterator[Check]:
 def installation() -> Iterator[Check]:
     """Yield Python, Spume, the libraries that it needs and the extras that it can use."""
     import spume
-    from spume import kernels  # noqa: F401 - imported first, it keeps the kernel language from printing its version
 
     version = platform.python_version()
     known = sys.version_info >= (3, 11)

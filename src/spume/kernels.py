@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 os.environ.setdefault("ENABLE_QUADRANTS_HEADER_PRINT", "False")
+os.environ.setdefault("QD_ENABLE_PYBUF", "0")  # in a notebook it would say that it takes over the output of kernels
 
 import numpy as np
 import quadrants as qd
@@ -175,7 +176,7 @@ def worthwhile_threads(rows: int) -> int:
 
 def light(rows: int) -> bool:
     """Return whether a loop of few operations a row runs faster on one thread than through the thread pool."""
-    return runtime().serial or (runtime().device == "cpu" and rows < 50_000)
+    return runtime().serial or (runtime().device == "cpu" and rows < 120_000)
 
 
 def initialize(device: str | None = None, threads: int | None = None, precision: str = "double") -> Runtime:

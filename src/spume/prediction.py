@@ -69,7 +69,7 @@ def predict(case: Case, rows: Mapping[str, NDArray[Any]], threads: int) -> Predi
         math.sqrt(case.domain.gravity.stiffness) * float(np.ptp(position, axis=0).max()),
         1e-6,
     )
-    dt = case.time.courant * case.spacing / speed
+    dt = case.time.travel * case.spacing / speed
     viscosity = max(entry.viscosity for entry in case.fluid)
     if viscosity > 0.0:
         dt = min(dt, 0.1 * case.spacing**2 / viscosity)

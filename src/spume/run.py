@@ -34,8 +34,9 @@ log = logging.getLogger("spume")
 FINISHED, INTERRUPTED, FAILED = "finished", "interrupted", "failed"
 
 CHANGEABLE = (
-    "time.end", "time.courant", "time.step_max", "output.checkpoint_interval", "output.pictures", "output.animation",
-    "output.colour", "output.colour_range", "output.map", "output.view", "device", "threads", "title",
+    "time.end", "time.courant", "time.travel", "time.step_max", "output.checkpoint_interval",
+    "output.pictures", "output.animation", "output.colour", "output.colour_range", "output.map", "output.view",
+    "device", "threads", "title",
 )  # fmt: skip
 """Keys that a run may change when it is continued: none of them says what is simulated or what a file holds."""
 

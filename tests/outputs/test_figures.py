@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 import spume
 from run_folders import write_run
 from spume.cli import app
-from spume.outputs import figures, section
+from spume.outputs import figures, pictures, section, vtkhdf
 
 
 @pytest.fixture(scope="module")
@@ -45,6 +45,26 @@ def test_a_snapshot_is_that_of_the_nearest_time(run, tmp_path, monkeypatch):
     call("plot", run, "--out", tmp_path, "--time", "0.21", "--time", "0.4", "--time", "0.39")
     results = spume.open(run)
     assert [frame.time for frame in drawn] == [results.at(0.21).time, results.at(0.4).time]
+
+
+def test_a_film_takes_any_painter_and_tells_how_far_it_is(run, tmp_path):
+    painted, told = [], []
+
+    def painter(frame, view, shape, fine):
+        painted.append(frame.time)
+        return np.full((*shape, 3), 20 * len(painted), dtype=np.uint8)
+
+    with vtkhdf.Reader(run / "run.vtkhdf") as reader:
+        path = pictures.animate(
+            reader, tmp_path / "film.gif", dpi=40, painter=painter, told=lambda done, of: told.append((done, of))
+        )
+        assert painted == reader.times.tolist()
+    assert told == [(i, len(painted)) for i in range(len(painted))]
+    film = Image.open(path)
+    assert film.n_frames == len(painted)
+    film.seek(5)
+    inside = np.asarray(film.convert("L"))[film.height // 2, film.width // 3]
+    assert abs(int(inside) - 120) < 8
 
 
 def test_the_elevation_along_a_line_is_that_of_the_water(run):

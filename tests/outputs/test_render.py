@@ -121,6 +121,35 @@ def test_a_2d_run_is_referred_to_plot(tmp_path):
     assert (result.exit_code, "is a 2D run: spume plot" in result.output) == (2, True)
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no program that only fails")
 def test_an_attempt_that_crashes_is_no_opengl(monkeypatch):
-    monkeypatch.setattr(sys, "executable", "false" if sys.platform != "win32" else sys.executable)
+    monkeypatch.setattr(sys, "executable", "false")
     assert render.available()[0] is False
+
+
+def test_a_body_in_the_water_stands_on_the_floor():
+    """A block of 0.6 m in a tank 1.6 m wide whose floor is at z = 0: closed above, nothing of it below the floor."""
+    pytest.importorskip("pyvista")
+    floor = lattice(16, 16, 3) * [1, 1, -1]
+    block = lattice(6, 6, 6) + np.array([0.5, 0.5, 0.0])
+    top, middle = floor[:, 2] > -0.06, block.mean(axis=0)
+    away = block - middle
+    axis = np.argmax(np.abs(away), axis=1)
+    rows = np.arange(len(block))
+    outside = np.abs(away[rows, axis]) > 0.24
+    to_surface = np.zeros((len(floor) + len(block), 3))
+    to_surface[np.flatnonzero(top), 2] = 0.05
+    to_surface[len(floor) + rows[outside], axis[outside]] = np.sign(away[outside, axis[outside]]) * 0.05
+    kind = np.where(np.abs(to_surface).max(axis=1) > 0.0, 2, 4)
+    arrays = {
+        "position": np.concatenate([floor, block]),
+        "kind": kind,
+        "to_surface": to_surface,
+        "body": np.repeat([0, 1], [len(floor), len(block)]),
+    }
+    room, obstacle = render.walls(Frame(0.0, 0, arrays, SPACING, 3, {}))
+    assert np.allclose(room.bounds, (0.0, 1.6, 0.0, 1.6, 0.0, 0.0), atol=1e-6)
+    assert obstacle.bounds[5] == pytest.approx(0.6, abs=0.03)
+    assert obstacle.bounds[4] > 0.0
+    assert obstacle.bounds[0] == pytest.approx(0.5, abs=0.1)
+    assert obstacle.bounds[1] == pytest.approx(1.1, abs=0.1)

@@ -57,6 +57,17 @@ def sum_(cloud):
     return g
 
 
+def corrected_published(cloud):
+    """d/n0 sum_j (phi_j - phi_i)/r^2 C_i r_ij W with C_i = [1/n_i sum_j W r (x) r/r^2]^-1."""
+    g = cloud.vectors()
+    for i in range(len(cloud)):
+        n = sum(w for *_, w in cloud.neighbours(i))
+        C = np.linalg.inv(sum(w * np.outer(r, r) / s**2 / n for _, r, s, w in cloud.neighbours(i)))
+        for j, r, s, w in cloud.neighbours(i):
+            g[i] += cloud.d / cloud.n0 * (cloud.phi[j] - cloud.phi[i]) / s**2 * (C @ r) * w
+    return g
+
+
 def corrected(cloud):
     """d/n0 sum_j (phi_j - phi_i)/r^2 C_i r_ij W."""
     g = cloud.vectors()

@@ -105,7 +105,17 @@ def optimised(cloud, strength=0.5, largest=0.1):
 
 def tangential(cloud, largest=0.1):
     """Optimised, and for surface rows dt^2/rho n n . [grad P - d/n0 sum_j (P_i + P_j)/r^2 r_ij W] besides."""
-    shift = optimised(cloud, largest=largest)
+    return optimised(cloud, largest=largest) + repulsion(cloud, largest)
+
+
+def tangential_carried(cloud):
+    """Velocity, with what the move across the surface is over dt, and pressure [kPa]."""
+    return np.column_stack([cloud.u + repulsion(cloud) / DT, cloud.phi / 1000])
+
+
+def repulsion(cloud, largest=0.1):
+    """dt^2/rho n n . [grad P - d/n0 sum_j (P_i + P_j)/r^2 r_ij W] for surface rows."""
+    shift = cloud.vectors()
     for i in range(len(cloud)):
         if class_of(cloud, i) == SURFACE:
             n, conservative = normal(cloud, i), np.zeros(cloud.d)

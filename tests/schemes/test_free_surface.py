@@ -212,8 +212,6 @@ def test_a_column_stays_at_rest(runtime, device, name, step):
     ("gradient", "walls", "bound"),
     [
         (Completed(), Resting(), 0.03),
-        (Completed(), Neumann(), 0.03),
-        (DummyNeighbour(), Resting(), 0.05),
         (DummyNeighbour(), Neumann(), 0.05),
         (Minimum(), Neumann(), None),
     ],

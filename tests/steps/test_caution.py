@@ -1,16 +1,27 @@
 """Models that can be computed together but do not fit each other are told of by name."""
 
 import pytest
+from pydantic import ValidationError
+from typer.testing import CliRunner
 
+from spume import named
+from spume.cli import app
+from spume.pressure.bicgstab import StabilisedBiconjugateGradient
+from spume.pressure.conjugate_gradient import ConjugateGradient
+from spume.pressure.multigrid import Multigrid
 from spume.schemes.free_surface.detection_free import DetectionFree
+from spume.schemes.gradient.corrected import Corrected
 from spume.schemes.laplacian.higher_order import HigherOrder
 from spume.schemes.laplacian.original import Original
+from spume.schemes.laplacian.second_order import SecondOrder
 from spume.schemes.source.density import Density
 from spume.schemes.source.divergence import VelocityDivergence
 from spume.schemes.source.error_compensating import ErrorCompensating
 from spume.schemes.source.higher_order import HigherOrder as Rate
 from spume.steps.predict_move_project import PredictMoveProject
+from spume.steps.project_in_place import ProjectInPlace
 from spume.wall_models.resting import Resting
+from tanks import column
 
 
 @pytest.mark.parametrize(
@@ -31,10 +42,51 @@ def test_laplacian_and_source_of_different_sizes(laplacian, source, said):
     assert said in found
 
 
+def test_the_printed_normalisation_of_the_corrected_gradient_is_told_of():
+    assert ProjectInPlace(gradient=Corrected()).caution() == ""
+    said = ProjectInPlace(gradient=Corrected(form="published")).caution()
+    assert (
+        said == 'gradient \'corrected\' in the form "published" gives d times the gradient: choose form = "consistent"'
+    )
+
+
 def test_two_cautions_are_both_told():
+    named.load_all()
     found = PredictMoveProject(
         laplacian=HigherOrder(form="published"), source=VelocityDivergence(), free_surface=DetectionFree()
     ).caution()
     assert 'choose "calibrated"' in found
     assert "gradient 'minimum' leaves out the neighbours missing" in found
     assert "choose the gradient completed or dummy-neighbour" in found
+
+
+@pytest.mark.parametrize("step", [PredictMoveProject, ProjectInPlace])
+def test_a_symmetric_solver_refuses_a_matrix_that_is_not(step):
+    with pytest.raises(ValidationError, match="solver 'cg' needs a symmetric matrix") as caught:
+        step(solver=ConjugateGradient(), laplacian=SecondOrder())
+    assert "which the laplacian 'second-order' does not give: choose multigrid or bicgstab" in str(caught.value)
+    for solver in (Multigrid(), StabilisedBiconjugateGradient()):
+        step(solver=solver, laplacian=SecondOrder())
+    step(solver=ConjugateGradient(), laplacian=Original())
+
+
+ANOTHER_RADIUS = (
+    "source 'higher-order' is summed with re = 2.1, the laplacian higher-order with re = 2.9: choose the same"
+)
+
+
+def test_a_case_with_models_that_do_not_fit_says_so_and_goes_on(caplog):
+    """The higher-order Laplacian with a source of another radius."""
+    step = PredictMoveProject(laplacian=HigherOrder(form="consistent", re=2.9), source=Rate())
+    with caplog.at_level("WARNING", logger="spume"):
+        column(step=step, cells=(4, 4)).build(threads=1)
+    assert caplog.messages == [f"step: {ANOTHER_RADIUS}"]
+
+
+def test_check_says_so_too(tmp_path, monkeypatch, caplog):
+    monkeypatch.chdir(tmp_path)
+    laplacian = '{name = "higher-order", form = "consistent", re = 2.9}'
+    step = f'{{name = "predict-move-project", source = "higher-order", laplacian = {laplacian}}}'
+    result = CliRunner().invoke(app, ["check", "dam-break", "--set", "spacing=0.05", "--set", f"step={step}"])
+    assert result.exit_code == 0, result.output
+    assert ANOTHER_RADIUS in " ".join((caplog.text + result.output).split())

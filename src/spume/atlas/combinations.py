@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any
 
-from spume import named
+from spume import named, presets
 from spume.steps.project_in_place import ProjectInPlace
 
 
@@ -26,16 +26,8 @@ class Combination:
 
 
 SLOTS = (
-    "free_surface",
-    "divergence",
-    "laplacian",
-    "gradient",
-    "source",
-    "shifting",
-    "collision",
-    "wall_model",
-    "viscosity",
-)
+    "shifting", "gradient", "free_surface", "source", "divergence", "laplacian", "wall_model", "collision", "viscosity",
+)  # fmt: skip
 """Slots of the step that are varied, all registered models of each."""
 
 PUBLISHED = {
@@ -71,7 +63,9 @@ FORMS = {
 
 def combinations() -> list[Combination]:
     """Return all combinations: the default, one slot varied at a time, published sets, presets."""
-    return [Combination("default", (), "default"), *_varied(), *_published()]
+    found = [Combination("default", (), "default"), *_varied(), *_published()]
+    others = [name for name in presets.names() if name != presets.USUAL]
+    return found + [Combination(f"preset {name}", (f"preset='{name}'",), "preset") for name in others]
 
 
 def _varied() -> Iterator[Combination]:
@@ -81,7 +75,8 @@ def _varied() -> Iterator[Combination]:
         for scheme in named.schemes(slot):
             if type(getattr(default, slot)) is scheme or not _fits(slot, scheme):
                 continue
-            layers = math.floor(ProjectInPlace(**cast("dict[str, Any]", {slot: scheme()})).largest_radius()) + 1
+            models: Any = {slot: scheme()}
+            layers = math.floor(ProjectInPlace(**models).largest_radius()) + 1
             yield Combination(f"{slot} {scheme.key}", (f"step.{slot}='{scheme.key}'",), slot, max(layers, 3))
         for name, setting in FORMS.items():
             if name.startswith(slot):
@@ -93,8 +88,9 @@ def _varied() -> Iterator[Combination]:
 
 def _fits(slot: str, scheme: type[Any]) -> bool:
     """Return whether the default step takes a model: a source of moved positions it does not."""
+    models: Any = {slot: scheme()}
     try:
-        ProjectInPlace(**{slot: scheme()})
+        ProjectInPlace(**models)
     except ValueError:
         return False
     return True

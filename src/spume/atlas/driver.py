@@ -11,6 +11,7 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
+from spume import presets
 from spume.atlas.combinations import Combination
 from spume.atlas.problems import PROBLEMS, Problem, measure
 from spume.outputs import summary
@@ -27,7 +28,7 @@ def run_of(combination: Combination, problem: Problem) -> Run:
     """Return the run of a combination on a problem."""
     from spume.case import find_case
 
-    settings = [*problem.settings, *combination.settings]
+    settings = [f"preset={presets.USUAL}", *problem.settings, *combination.settings]
     if combination.layers > 3 and "[[body]]" in find_case(problem.case)[0].read_text(encoding="utf-8"):
         settings.append(f"body.tank.layers={combination.layers}")
     return Run(problem.case, problem.cells, tuple(settings), combination.name)

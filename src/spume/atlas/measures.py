@@ -17,6 +17,7 @@ def spatial_noise(position: NDArray[np.float64], pressure: NDArray[np.float64], 
 
     The plane minimises sum_j (p_j - q(x_j))^2 over the particles within 2.1 l0; those with fewer than six are left out.
     A pressure that is linear in space has none of it, white noise of deviation s has 1 to 1.3 s.
+    Positions [m] have the shape (particles, d), pressures [Pa] (particles,).
     """
     from scipy.spatial import cKDTree
 
@@ -33,12 +34,15 @@ def spatial_noise(position: NDArray[np.float64], pressure: NDArray[np.float64], 
 
 
 def temporal_noise(values: NDArray[np.float64]) -> float:
-    """Return the rms of v_(k+1) - 2 v_k + v_(k-1) over sqrt(6): the deviation of white noise from step to step."""
+    """Return the rms of v_(k+1) - 2 v_k + v_(k-1) over sqrt(6), the deviation of white noise; shape (instants,)."""
     return rms(np.diff(values, 2)) / float(np.sqrt(6.0)) if len(values) > 2 else float("nan")
 
 
 def disorder(position: NDArray[np.float64], spacing: float) -> float:
-    """Return the rms over the fluid of 1 - (distance of the nearest other particle)/l0; zero on the lattice."""
+    """Return the rms over the fluid of 1 - (distance of the nearest other particle)/l0; zero on the lattice.
+
+    Positions [m] have the shape (particles, d).
+    """
     from scipy.spatial import cKDTree
 
     distance = cKDTree(position).query(position, k=2)[0][:, 1]

@@ -125,7 +125,7 @@ PROBLEMS = (
     ),
     Problem(
         "dam break", "dam-break", 15,
-        ("spacing=0.02", "time.end=0.6", "time.courant=0.2", "output.interval=0.05"),
+        ("spacing=0.02", "time.end=0.6", "output.interval=0.05"),
         _break, "mean rms of the pressures / ρgH, to t√(g/H) = 3.4", (2943.0, "ρgH"), "pressure-2",
     ),
 )  # fmt: skip

@@ -25,10 +25,11 @@ def _arrange() -> None:
     place = {name: (panel, number) for panel, names in PANELS.items() for number, name in enumerate(names)}
     for command in app.registered_commands:
         command.name = command.name or getattr(command.callback, "__name__", "").replace("_", "-")
-        command.rich_help_panel = place[command.name][0]
+        command.rich_help_panel = place.get(command.name, ("More", 0))[0]
         command.help = help_of(command.callback.__doc__ or "") if command.callback else ""
     order = [name for names in PANELS.values() for name in names]
-    app.registered_commands.sort(key=lambda command: order.index(str(command.name)))
+    last = len(order)
+    app.registered_commands.sort(key=lambda c: order.index(c.name) if c.name in order else last)
 
 
 def help_of(docstring: str) -> str:

@@ -20,8 +20,8 @@ app = typer.Typer(
     help="Simulate flow with a free surface by the Moving Particle Semi-implicit (MPS) method.\n\n"
     "Begin with: spume run dam-break. Or with a case of your own: spume new my-tank --from dam-break, then "
     "spume check my-tank.toml and spume run my-tank.toml. spume COMMAND --help tells more.",
-    epilog="Exit codes: 0 done, 2 input to correct, 3 the simulation diverged, 4 interrupted. The shell completes "
-    "commands, options and names of cases after: spume --install-completion.",
+    epilog="Exit codes: 0 done, 2 input to correct, 3 the simulation diverged, 4 interrupted, 5 a bar is missed. "
+    "The shell completes commands, options and names of cases after: spume --install-completion.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},

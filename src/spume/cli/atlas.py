@@ -23,10 +23,15 @@ def atlas(
         bool, typer.Option("--report", help="Run nothing: tables and figure of what has been run.")
     ] = False,
     jobs: Annotated[
-        int | None, typer.Option(min=1, help="Runs side by side, one thread each; default: one for each processor.")
+        int | None, typer.Option(min=1, help="Runs side by side, one thread each. Default: one for each processor.")
     ] = None,
 ) -> None:
-    """Run every model, one slot varied at a time, and published sets on six problems; what is done is not repeated."""
+    """Run every model, one slot varied at a time, and published sets on six problems; what is done is not repeated.
+
+    Examples:
+      spume atlas --list
+      spume atlas --only gradient --jobs 4
+    """
     from spume.atlas.combinations import combinations
     from spume.atlas.problems import PROBLEMS
 

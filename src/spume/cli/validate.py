@@ -19,7 +19,7 @@ MISSED = 5
 @answers
 def validate(
     cases: Annotated[
-        list[str] | None, typer.Argument(metavar="[CASE]...", help="Names or numbers of cases; default: all.")
+        list[str] | None, typer.Argument(metavar="[CASE]...", help="Names or numbers of cases. Default: all.")
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Coarse runs, with limits of their own: minutes.")] = False,
     listed: Annotated[bool, typer.Option("--list", help="List the cases and their bars; run nothing.")] = False,
@@ -28,10 +28,17 @@ def validate(
         typer.Option(help="Folder of runs and report. Default: validation-runs, with --quick validation-quick."),
     ] = None,
     jobs: Annotated[
-        int | None, typer.Option(min=1, help="Runs side by side, one thread each; default: one for each processor.")
+        int | None, typer.Option(min=1, help="Runs side by side, one thread each. Default: one for each processor.")
     ] = None,
 ) -> None:
-    """Run validation cases, compare them with their references and print the bars; finished runs are not repeated."""
+    """Run validation cases, compare them with their references and print the bars; finished runs are not repeated.
+
+    Exit code 5: a bar is missed.
+
+    Examples:
+      spume validate --list
+      spume validate hydrostatic --quick
+    """
     from spume.validation.study import chosen
 
     console = new_console()

@@ -107,7 +107,8 @@ class Checkpoint(Output):
             return
         begin = time.monotonic()
         case = run.case
-        fields = {*case.output.fields, *(name for gauge in case.gauge for name in gauge.reads)}
+        shown = case.output.of_frame(run.simulation.snapshot().fields)
+        fields = {*shown, *(name for gauge in case.gauge for name in gauge.reads)}
         arrays, numbers = run.simulation.state(fields)
         if not all(np.isfinite(arrays[f"particles/{name}"]).all() for name in ("position", "velocity")):
             return  # the step that begins will say so

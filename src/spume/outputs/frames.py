@@ -35,13 +35,14 @@ class Frames(Output):
         self._write(run)
 
     def _open(self, run: RunLike) -> None:
+        snapshot = run.simulation.snapshot()
         attributes: dict[str, Any] = {
             "title": str(getattr(run.case, "title", "") or ""),
             "creator": f"Spume {_version()}",
-            "gravity": run.simulation.snapshot().gravity,
+            "gravity": snapshot.gravity,
         }
         self._writer = Writer(
-            run.folder / FILE, self.settings.fields, attributes,
+            run.folder / FILE, self.settings.of_frame(snapshot.fields), attributes,
             int(np.ceil(float(run.case.time.end) / self._interval)) + 2,
         )  # fmt: skip
 
@@ -53,7 +54,8 @@ class Frames(Output):
         self._interval, self._next, self._written = state["interval"], state["next"], state["written"]
         path = run.folder / FILE
         try:
-            self._writer = Writer.reopened(path, self.settings.fields, state["file"])
+            fields = self.settings.of_frame(run.simulation.snapshot().fields)
+            self._writer = Writer.reopened(path, fields, state["file"])
         except OSError as error:  # cut short by a full disk: the run goes on, and what there is stays
             aside = path.with_name(f"{FILE}.damaged")
             if path.exists():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Protocol
 
@@ -12,7 +12,7 @@ from pydantic import Field
 
 from spume.named import Parameters
 from spume.outputs.disk import NotWritten
-from spume.outputs.snapshot import Snapshot
+from spume.outputs.snapshot import FieldLike, Snapshot
 from spume.outputs.vtkhdf import DEFAULT_FIELDS
 
 MapName = Literal["water", "viridis", "cividis", "magma", "inferno", "plasma", "Blues", "turbo", "coolwarm"]
@@ -27,9 +27,12 @@ class OutputSettings(Parameters):
     frames: bool = True
     """Write frames to ``run.vtkhdf`` (also needed for the pictures)."""
     fields: tuple[str, ...] = DEFAULT_FIELDS
-    """Fields in a frame, besides ``position`` and ``id``."""
+    """Fields in a frame, besides ``position`` and ``id``; with the default also what a model shows of itself.
+
+    The shifting ``optimised`` shows its ``surface_class``, the step weakly-compressible its ``relative_density``.
+    """
     log_interval: Annotated[int, Field(ge=1)] = 1
-    """Steps between two lines of ``log.csv``."""
+    """Steps between two lines of ``log.csv`` [1]."""
     pictures: bool = True
     """Draw ``snapshot.png`` and a picture of every gauge at the end."""
     checkpoint_interval: Annotated[float, Field(ge=0.0)] | Literal["none"] = 600.0
@@ -46,6 +49,13 @@ class OutputSettings(Parameters):
     """Colour map; default: one that suits the field."""
     view_deg: tuple[float, float] = (-60.0, 18.0)
     """3D: azimuth and height of the camera [degrees]."""
+
+    def of_frame(self, known: Mapping[str, FieldLike]) -> tuple[str, ...]:
+        """Return the names of the fields in a frame, of those that a run has: the chosen ones, or all shown ones."""
+        if self.fields != DEFAULT_FIELDS:
+            return self.fields
+        shown = [name for name, field in known.items() if field.output and name not in ("position", "id")]
+        return tuple(dict.fromkeys((*self.fields, *shown)))
 
 
 class SimulationLike(Protocol):

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from spume.outputs import frames, pictures, raster, vtkhdf
 from spume.outputs.output import OutputSettings
-from spume.outputs.snapshot import WALL
-from spume.outputs.surface import reconstruct
+from spume.outputs.snapshot import FLUID, WALL
+from spume.outputs.surface import reconstruct, solid
 from spume.problems import CaseError, Problem
 
 if TYPE_CHECKING:
@@ -178,7 +178,8 @@ class Renderer:
             if edges.n_points:
                 plotter.add_mesh(edges, color=_EDGE, line_width=1.5, lighting=False)
         if obstacle.n_points:
-            plotter.add_mesh(obstacle, color=_OBSTACLE, ambient=0.3, diffuse=0.7)
+            body = obstacle.compute_normals(feature_angle=40.0, split_vertices=True, consistent_normals=False)
+            plotter.add_mesh(body, color=_OBSTACLE, ambient=0.3, diffuse=0.7, smooth_shading=True)
 
     def _look(self, plotter: Any, view: pictures.View, shape: tuple[int, int]) -> None:
         """Take the place from which the other pictures of a run are seen."""
@@ -203,9 +204,10 @@ def _hush() -> None:
 
 
 def walls(frame: vtkhdf.Frame) -> tuple[Any, Any]:
-    """Return the wetted faces of tanks and walls, and those of bodies in the water, as PyVista's meshes.
+    """Return the wetted faces of tanks and walls, and the bodies that stand in the water, as PyVista's meshes.
 
-    A row of the first solid layer gives a square of l0 × l0 where its side meets the water.
+    Of a wall a row of the first solid layer gives a square of l0 × l0 where its side meets the water; a body is
+    reconstructed from its rows as the water is, so its edges are rounded by about a spacing.
     """
     import pyvista
 
@@ -220,10 +222,17 @@ def walls(frame: vtkhdf.Frame) -> tuple[Any, Any]:
     faced = (frame["kind"] == WALL) & (length > 0.0) & (length < (steepest - 1e-6) * l0)
     surface = np.asarray(frame["position"], dtype=float) + to_surface
     standing = pictures.obstacles_of(frame, surface, normal, faced)
-    if np.any(faced & standing) and np.any(faced & ~standing):  # a foundation under the floor is not to be seen
-        low = surface[faced & ~standing].min(axis=0) - 1e-3 * l0
-        faced &= ~standing | np.all(surface > low, axis=1)
-    return tuple(_tiles(surface[rows], normal[rows], l0) for rows in (faced & ~standing, faced & standing))
+    room = _tiles(surface[faced & ~standing], normal[faced & ~standing], l0)
+    rows = standing & (frame["kind"] != FLUID)
+    position = np.asarray(frame["position"], dtype=float)
+    obstacle = solid(position[rows], position[(frame["kind"] != FLUID) & ~standing], l0)
+    if room.n_points and obstacle.n_points:  # neither the wall beside it nor a foundation is part of it
+        for axis, side in ((0, 0), (0, 1), (1, 0), (1, 1), (2, 0)):
+            normal, origin = np.zeros(3), np.zeros(3)
+            normal[axis] = 1 - 2 * side
+            origin[axis] = room.bounds[2 * axis + side] + 0.3 * l0 * normal[axis]
+            obstacle = obstacle.clip(normal, origin=origin, invert=False)
+    return room, obstacle
 
 
 def _tiles(centre: NDArray[np.float64], normal: NDArray[np.float64], size: float) -> Any:

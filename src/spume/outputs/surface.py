@@ -95,7 +95,7 @@ def reconstruct(frame: Frame, values: NDArray[np.float64], smoothing: int = 20) 
     if len(water) == 0:
         return Surface(pyvista.PolyData(), np.zeros((0, 3)), np.zeros(0))
     lower, upper = water.min(axis=0) - _MARGIN * l0, water.max(axis=0) + _MARGIN * l0
-    cell = max(0.5 * l0, float(np.prod(upper - lower) / _NODES) ** (1.0 / 3.0))
+    cell = _cell(lower, upper, l0)
     shape = tuple(int(n) for n in np.ceil((upper - lower) / cell) + 1)
     near = solid & np.all((position > lower) & (position < upper), axis=1)
     whole = filled(water, lower, shape, cell, l0)
@@ -113,3 +113,31 @@ def reconstruct(frame: Frame, values: NDArray[np.float64], smoothing: int = 20) 
     index = tuple(np.rint((water - lower) / cell).astype(int).T)
     spray = chi[index] < _SPRAY
     return Surface(mesh, water[spray], values[fluid][spray])
+
+
+def solid(position: NDArray[np.float64], others: NDArray[np.float64], spacing: float, smoothing: int = 30) -> Any:
+    """Return the surface of a body from its rows, as PyVista's mesh: where Σ G l0³ = 1/2.
+
+    Args:
+        position: of the body's rows [m], shape (rows, 3).
+        others: of the walls that it may stand on, shape (rows, 3); their own surface near it is part of the mesh.
+        spacing: l0 [m].
+        smoothing: passes of Taubin's filter.
+    """
+    import pyvista
+
+    if len(position) == 0:
+        return pyvista.PolyData()
+    lower, upper = position.min(axis=0) - _MARGIN * spacing, position.max(axis=0) + _MARGIN * spacing
+    cell = _cell(lower, upper, spacing)
+    shape = tuple(int(n) for n in np.ceil((upper - lower) / cell) + 1)
+    grid = pyvista.ImageData(dimensions=shape, spacing=(cell,) * 3, origin=lower)
+    everything = np.concatenate([position, others])
+    grid.point_data["inside"] = filled(everything, lower, shape, cell, spacing).reshape(-1, order="F")
+    mesh = grid.contour([0.5], scalars="inside")
+    return mesh.smooth_taubin(n_iter=smoothing, pass_band=0.1) if mesh.n_points else mesh
+
+
+def _cell(lower: NDArray[np.float64], upper: NDArray[np.float64], spacing: float) -> float:
+    """Return the distance of nodes [m] of a grid between two corners."""
+    return max(0.5 * spacing, float(np.prod(upper - lower) / _NODES) ** (1.0 / 3.0))

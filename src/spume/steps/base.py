@@ -251,6 +251,8 @@ class Projection(Step):
         cautions = []
         if found := self.laplacian.caution(self.source.of_slope, self.number_density.re):
             cautions.append(f"source {self.source.key!r} {found}")
+        if found := self.gradient.caution():
+            cautions.append(f"gradient {self.gradient.key!r} {found}")
         if not (self.free_surface.known or self.gradient.completes):
             cautions.append(
                 f"gradient {self.gradient.key!r} leaves out the neighbours missing at the surface, which free_surface "

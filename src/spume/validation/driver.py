@@ -84,20 +84,23 @@ def execute(task: Task) -> str:
 
     A run that is finished, of the very same case, is not repeated; one that was interrupted goes on.
     """
+    from rich.console import Console
+
     from spume.case import load
     from spume.diagnosis import Diverged
     from spume.run import FAILED, resume, run
 
     logging.getLogger("spume").setLevel(logging.ERROR)
+    quiet = Console(quiet=True)
     case = load(task.run.case, settings_of(task.run))
     state = status_of(task.folder, case.to_toml())
     if state in ("finished", "failed"):
         return state
     try:
         if state == "interrupted":
-            return resume(task.folder, threads=1).status
+            return resume(task.folder, threads=1, console=quiet).status
         shutil.rmtree(task.folder, ignore_errors=True)
-        return run(case, task.folder, threads=1).status
+        return run(case, task.folder, threads=1, console=quiet).status
     except Diverged:
         return FAILED
     except Exception:
@@ -122,7 +125,7 @@ def status_of(folder: Path, case: str) -> str:
 
 
 def do(tasks: Sequence[Task], jobs: int, say: Say) -> None:
-    """Do runs side by side, each with one thread, in as many processes; long ones first.
+    """Do runs side by side, each with one thread, in as many processes.
 
     Raises:
         KeyboardInterrupt: the runs in progress have written checkpoints and go on when called again.
@@ -136,11 +139,22 @@ def do(tasks: Sequence[Task], jobs: int, say: Say) -> None:
             done, _ = wait(waiting, return_when=FIRST_COMPLETED)
             for future in done:
                 task = waiting.pop(future)
-                say(f"{task.folder.parent.parent.name}, {task.run.name}: {future.result()} ({len(waiting)} left)")
-                if future.result() == "interrupted":
+                status = _status(future)
+                say(f"{task.folder.parent.parent.name}, {task.run.name}: {status} ({len(waiting)} left)")
+                if status == "interrupted":
                     raise KeyboardInterrupt
+    except BaseException:
+        for process in multiprocessing.active_children():
+            process.terminate()  # a run writes a checkpoint and ends after its step
+        raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _status(future: Future[str]) -> str:
+    """Return how a run ended; what broke outside its steps is told, and the other runs go on."""
+    error = future.exception()
+    return future.result() if error is None else f"broke, {type(error).__name__}: {error}"[:300]
 
 
 def tasks_of(study: Study, out: Path, quick: bool) -> list[Task]:
@@ -160,7 +174,7 @@ def validate(chosen: Iterable[Study], out: Path, *, quick: bool, jobs: int, say:
     """
     from spume.validation import report
 
-    chosen = list(chosen)
+    chosen = [study for study in chosen if study.quick or not quick]
     tasks = [task for study in chosen for task in tasks_of(study, out, quick)]
     do([task for task in tasks if not ended(task)], jobs, say)
     found = []
@@ -182,7 +196,11 @@ def ended(task: Task) -> bool:
 
 
 def judge(study: Study, tasks: Sequence[Task], quick: bool) -> tuple[dict[str, Any], dict[Run, Measured]]:
-    """Return the results of a study as JSON takes them, and what was measured of each run that finished."""
+    """Return the results of a study as JSON takes them, and what was measured of each run that finished.
+
+    Raises:
+        CaseError: a folder of which no run has ended.
+    """
     measured: dict[Run, Measured] = {}
     runs = []
     for task in tasks:

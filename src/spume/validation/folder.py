@@ -80,6 +80,8 @@ def budgets(folder: Folder) -> dict[str, float]:
     The momentum's largest change is relative to sqrt(2 m E_kin); it is given where the case has a momentum gauge.
     """
     log = folder.log
+    if len(log["volume"]) == 0:  # shorter than the interval of the log
+        return {}
     volume, kinetic = log["volume"], log["kinetic_energy"]
     energy = kinetic + log["potential_energy"]
     scale = float(kinetic.max()) or 1.0

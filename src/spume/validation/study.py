@@ -169,7 +169,7 @@ def chosen(names: Sequence[str]) -> list[Study]:
         return list(known.values())
     found = []
     for name in names:
-        mine = [s for s in known.values() if name in (s.name, s.number, s.number.rstrip("abcd"))]
+        mine = [s for s in known.values() if name in (s.name, s.number, s.number.rstrip("abcde"))]
         if not mine:
             every = ", ".join(f"{s.name} ({s.number})" for s in known.values())
             message = f"no such validation case; there are {every}{nearest_match(name, known)}"
@@ -188,7 +188,7 @@ def order(sizes: Sequence[int], errors: Sequence[float]) -> float:
 
 
 def rms(values: Iterable[float] | NDArray[np.float64]) -> float:
-    """Return the root of the mean square."""
+    """Return the root of the mean square of values of any shape."""
     return float(np.sqrt(np.mean(np.square(np.asarray(values, dtype=float)))))
 
 

@@ -18,6 +18,10 @@ class Gradient(Operator, family="gradient"):
     completes: ClassVar[bool] = False
     """Whether neighbours missing at the free surface take part, as the matrix counts them that detects no surface."""
 
+    def caution(self) -> str:
+        """Return what is wrong with the model itself, though it can be computed, or nothing."""
+        return ""
+
     def __call__(
         self, lattice: Lattice, particles: Particles, pairs: Pairs,
         phi: str = "pressure", out: str = "pressure_gradient", over: int = ANY, view: PairView | None = None,

@@ -61,12 +61,21 @@ def classify(operator: Operator, lattice: Lattice, particles: Particles, pairs: 
     row_map(class_of_row, particles, out="surface_class", rows=FLUID)
 
 
-def _scaled(a, total, scale, tensile, w0):  # type: ignore[no-untyped-def]
+def _scaled(a, total, scale):  # type: ignore[no-untyped-def]
     return scale * total
 
 
 @pair_term(shape=("d",), finish=_scaled)
-def concentration(a, b, r, w, scale, tensile, w0):  # type: ignore[no-untyped-def]
+def concentration(a, b, r, w, scale):  # type: ignore[no-untyped-def]
+    return w / r.dot(r) * r
+
+
+def _scaled_too(a, total, scale, tensile, w0):  # type: ignore[no-untyped-def]
+    return scale * total
+
+
+@pair_term(shape=("d",), finish=_scaled_too)
+def repelling(a, b, r, w, scale, tensile, w0):  # type: ignore[no-untyped-def]
     return (1.0 + tensile * (w / w0) ** TENSILE_POWER) * w / r.dot(r) * r
 
 
@@ -90,10 +99,11 @@ def concentration_and_normal(
 
     Rows of every kind are summed over.
     """
+    more = (tensile, weight_of_neighbour(operator)) if tensile > 0.0 else ()
     pair_sum(
-        concentration, particles, pairs, out="concentration_gradient", weight=operator.weight,
-        re=operator.radius(lattice), over=ANY,
-        arguments=(lattice.dimension / operator.n0(lattice), tensile, weight_of_neighbour(operator)),
+        repelling if tensile > 0.0 else concentration, particles, pairs, out="concentration_gradient",
+        weight=operator.weight, re=operator.radius(lattice), over=ANY,
+        arguments=(lattice.dimension / operator.n0(lattice), *more),
     )  # fmt: skip
     surface_normals(operator, lattice, particles, pairs)
 

@@ -16,14 +16,14 @@ N = np.arange(1, 200)
 
 
 def couette(y: NDArray[np.float64], t: float) -> NDArray[np.float64]:
-    """Return u [m/s] at heights y [m] after a time t [s]: the plate at y = L has moved with U (Morris et al. 1997)."""
+    """Return u [m/s] at heights y [m], shape (n,), at t [s]: the plate y = L moves with U (Morris et al. 1997)."""
     decay = np.exp(-VISCOSITY * (N * math.pi / WIDTH) ** 2 * t)
     waves = 2.0 * LID / (N * math.pi) * (-1.0) ** N * decay
     return LID * y / WIDTH + np.sin(np.outer(y, N) * math.pi / WIDTH) @ waves
 
 
 def poiseuille(y: NDArray[np.float64], t: float) -> NDArray[np.float64]:
-    """Return u [m/s] at heights y [m] after a time t [s] under a force F between plates (Morris et al. 1997)."""
+    """Return u [m/s] at heights y [m], shape (n,), at t [s] under a force F between plates (Morris et al. 1997)."""
     odd = 2 * N - 1
     decay = np.exp(-VISCOSITY * (odd * math.pi / WIDTH) ** 2 * t)
     waves = 4.0 * FORCE * WIDTH**2 / (VISCOSITY * math.pi**3 * odd.astype(float) ** 3) * decay

@@ -66,7 +66,7 @@ def of(case: str, number: str, sizes: tuple[int, ...], quick: tuple[int, ...], j
     """Return the study of one dimension; in 3D the values are reported and not judged."""
 
     def run(cells: int) -> Run:
-        settings = (f"spacing={H / cells!r}", "time.end=1.0", "time.courant=0.2", "output.interval=0.1")
+        settings = (f"spacing={H / cells!r}", "time.end=1.0", "output.interval=0.1")
         return Run(case, cells, settings)
 
     bars = (

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from spume.validation import Bar, Folder, Measured, Panel, Run, Study
+from spume.validation import Bar, Curve, Folder, Measured, Panel, Run, Study
 from spume.validation.study import rms
 
 RATE, END = 100.0, 0.0076
@@ -34,13 +34,22 @@ def solution(rate: float, stiffness: float, end: float) -> tuple[NDArray[np.floa
     return times, found.y[1]
 
 
+def semi_axis(folder: Folder) -> Curve:
+    """Return times [s] and the semi-axis along y [m]: 1 m and what the outermost centre has moved since the start."""
+    times, tops = [], []
+    for frame in folder.frames():
+        times.append(frame.time)
+        tops.append(float(frame["position"][:, 1].max()))
+    a = np.array(tops)
+    return np.array(times), a - a[0] + 1.0
+
+
 def measure(folder: Folder) -> Measured:
     """Return the error of the long semi-axis and the loss of kinetic energy, which the exact drop keeps."""
     times, axis = solution(RATE, 0.0, 1.05 * END)
-    gauge, energy = folder.gauge("top"), folder.gauge("energy")
-    t, a = gauge["time"], gauge["front"]
-    exact = np.interp(t, times, axis)
-    error = (a - a[0] + 1.0) / exact - 1.0
+    energy = folder.gauge("energy")
+    t, a = semi_axis(folder)
+    error = a / np.interp(t, times, axis) - 1.0
     return Measured(
         {
             AXIS: float(np.abs(error).max()),
@@ -48,14 +57,14 @@ def measure(folder: Folder) -> Measured:
             LOSS: float(1.0 - energy["total"][-1] / energy["total"][0]),
         },
         {
-            "long semi-axis": (RATE * t, a - a[0] + 1.0),
+            "long semi-axis": (RATE * t, a),
             "energy": (RATE * energy["time"], energy["total"] / energy["total"][0]),
         },
     )
 
 
 def _run(cells: int) -> Run:
-    return Run("elliptical-drop", cells, (f"spacing={1.0 / cells!r}", "output.interval=0.001"))
+    return Run("elliptical-drop", cells, (f"spacing={1.0 / cells!r}", "output.interval=0.0002"))
 
 
 STUDY = Study(

@@ -20,7 +20,8 @@ PERIOD = "|first eigenperiod / exact − 1|"
 
 
 def exact(t: NDArray[np.float64], side: float) -> NDArray[np.float64]:
-    """Return the elevation [m] at the left (side = 0) or right (1) wall of a tank that sways by A sin(omega t).
+    """Return the elevation [m] at the left (side = 0) or right (1) wall of a tank that sways by A sin(omega t),
+    at times t [s] of shape (n,).
 
     Odd modes cos(k_n x), k_n = n pi/L, omega_n^2 = g k_n tanh(k_n h), of the water at rest before (Faltinsen 1978):
     b_n'' + omega_n^2 b_n = P_n x_t'', P_n = 4 tanh(k_n h)/(n pi), the jump of x_t' counted as well.
@@ -53,7 +54,10 @@ def measure(folder: Folder) -> Measured:
 
 
 def fitted_frequency(t: NDArray[np.float64], eta: NDArray[np.float64]) -> float:
-    """Return the frequency near the first one that fits best, beside the forced one and the third mode [rad/s]."""
+    """Return the frequency near the first one that fits best, beside the forced one and the third mode [rad/s].
+
+    Times [s] and elevations [m] have the shape (n,).
+    """
     from scipy.optimize import minimize_scalar
 
     third = math.sqrt(3.0 * math.pi * G / LENGTH * math.tanh(3.0 * math.pi * DEPTH / LENGTH))

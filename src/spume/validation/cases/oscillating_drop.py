@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from spume.validation import Bar, Folder, Measured, Panel, Run, Study
-from spume.validation.cases.elliptical_drop import solution
+from spume.validation.cases.elliptical_drop import semi_axis, solution
 
 PERIOD = 4.827343
 AXIS = "error of the largest semi-axis in the first period"
@@ -16,15 +16,16 @@ LOSS = "energy lost a period"
 
 
 def measure(folder: Folder) -> Measured:
-    """Return amplitude, period (from crossings of a = b) and loss of energy (from that above the drop at rest)."""
-    gauge, side, energy = folder.gauge("top"), folder.gauge("side"), folder.gauge("energy")
-    t, a = gauge["time"], gauge["front"] - gauge["front"][0] + 1.0
+    """Return amplitude, period (from crossings of a = R) and loss of energy (from that above the drop at rest)."""
+    energy = folder.gauge("energy")
+    t, a = semi_axis(folder)
     times, exact = solution(1.0, 1.0, 3.2 * PERIOD)
     first = t <= PERIOD
-    # Both axes pass R in the same direction once a period.
-    difference = gauge["front"] - side["front"]
+    # The axis passes R upwards once a period.
+    difference = a - 1.0
     rising = np.flatnonzero((difference[:-1] <= 0.0) & (difference[1:] > 0.0) & (t[:-1] > 0.5 * PERIOD))
-    crossings = t[rising] - difference[rising] * (t[1] - t[0]) / (difference[rising + 1] - difference[rising])
+    width, height = t[rising + 1] - t[rising], difference[rising + 1] - difference[rising]
+    crossings = t[rising] - difference[rising] * width / height
     periods = crossings[-1] / round(crossings[-1] / PERIOD) if len(crossings) else math.nan
     # The energy of the disk at rest is M R^2/4 in units of omega^2; what is above it is that of the oscillation.
     potential = _central_energy(folder, energy["time"])

@@ -26,11 +26,14 @@ def measure(folder: Folder) -> Measured:
     times = []
     for k, instant in enumerate(IMPACTS, start=1):
         near = np.abs(t - instant) < 0.4
+        if t[-1] < instant + 0.4:  # a run that was not to come so far
+            break
         metrics[f"peak {k} [Pa]"] = float(p[near].max())
         metrics[f"peak {k}, mean over 10 ms [Pa]"] = _lasting(t, p, instant)
         times.append(float(t[near][p[near].argmax()]))
     measured = (IMPACTS[-1] - IMPACTS[0]) / 3
-    metrics[TIME] = abs((times[-1] - times[0]) / 3 / measured - 1.0)
+    if len(times) == len(IMPACTS):
+        metrics[TIME] = abs((times[-1] - times[0]) / 3 / measured - 1.0)
     fluid = folder.log["particles_fluid"]
     metrics[LOST] = float(fluid[0] - fluid[-1])
     return Measured(metrics, {"left wall, 93 mm above the floor": (t, p)})
@@ -54,8 +57,8 @@ def _reference() -> Mapping[str, Curve]:
     return found
 
 
-def _run(cells: int) -> Run:
-    return Run("sloshing", cells, (f"spacing={DEPTH / cells!r}", "output.frames=false"))
+def _run(cells: int, end: float = 8.3) -> Run:
+    return Run("sloshing", cells, (f"spacing={DEPTH / cells!r}", f"time.end={end!r}", "output.frames=false"))
 
 
 def _limits(k: int) -> tuple[float, float]:
@@ -70,12 +73,13 @@ STUDY = Study(
     length="depth/l0",
     reference="Souto-Iglesias et al. (2011), 100 repetitions: first peak ± 1 SD, others ± 2 SD; no filter",
     runs=tuple(_run(n) for n in (8, 15, 31)),
-    quick=(),
+    quick=(_run(5, 2.8),),
     measure=measure,
     bars=(
-        *(Bar(f"peak {k + 1} [Pa]", *_limits(k), cells=31) for k in range(4)),
+        Bar("peak 1 [Pa]", *_limits(0), cells=31, quick=(500.0, 40000.0)),
+        *(Bar(f"peak {k + 1} [Pa]", *_limits(k), cells=31) for k in range(1, 4)),
         Bar(TIME, 0.02, cells=31),
-        Bar(LOST, 0.0, 0.0, cells=31),
+        Bar(LOST, 0.0, 0.0, cells=31, quick=(0.0, 0.0)),
     ),
     panels={
         "left wall, 93 mm above the floor": Panel("t [s]", "p [Pa]", reference=_reference, limits=(-500.0, 15000.0)),
