@@ -136,7 +136,7 @@ def _status(runs: Sequence[Results], labels: Sequence[str]) -> str:
         )
         if run.problems:
             items = "".join(f"<li>{escape(problem)}</li>" for problem in dict.fromkeys(run.problems))
-            texts.append(f'<div class="problems">What this folder lacks:<ul>{items}</ul></div>')
+            texts.append(f'<div class="problems">About this folder:<ul>{items}</ul></div>')
     return "".join(texts)
 
 
