@@ -255,3 +255,17 @@ def test_a_matrix_that_is_not_symmetric(runtime, laplacian, d):
         counts.append(solution.iterations)
     assert max(counts) <= 18, counts
     assert counts[1] <= counts[0] + 4, counts
+
+
+@pytest.mark.parametrize("solver", [Multigrid, ConjugateGradient], ids=lambda s: s.key)
+def test_a_residual_that_may_remain(runtime, solver):
+    """The iteration stops at it though the tolerance is far, and not before."""
+    position = block(2, 20, disturbance=0.2)
+    particles, system = assembled(position, position[:, -1] > position[:, -1].max() - 0.1)
+    system.negligible = 1e-3
+    matrix, rhs, unknown = sparse(particles, system)
+    assert rhs.std() > 100 * system.negligible
+    solution = solver(tolerance=1e-12)(system, particles)
+    rest = np.sqrt(np.mean((rhs - matrix @ particles.numpy("pressure")[unknown]) ** 2))
+    assert 0.01 * system.negligible < rest <= 1.01 * system.negligible
+    assert 0 < solution.residual <= 1e-12

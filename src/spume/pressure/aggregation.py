@@ -20,7 +20,7 @@ CELL = 2.0
 """Width of the first level's cells [l0]."""
 DAMPING = 0.85
 """Of the Jacobi sweeps; below 1 it is safe for every diagonally dominant matrix. Lone rows are not damped."""
-UNEVEN = 100.0
+UNEVEN = 60.0
 """Ratio of diagonals in a cell from which on only strongly connected rows are joined there (a jump of density)."""
 STRONG = 0.05
 """A connection is strong if |a_ij| is at least this part of sqrt(a_ii a_jj)."""
