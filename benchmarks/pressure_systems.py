@@ -32,7 +32,7 @@ from spume.schemes.number_density.base import Original as NumberDensity
 from spume.schemes.source.base import SOURCE
 
 ARRANGEMENTS = ("column", "walls", "film", "drops", "disturbed")
-INTERFACES = ("flat", "disordered")
+INTERFACES = ("flat", "disordered", "overturned", "bubbles", "salt")
 LAYERS = 2
 """Rows of a wall."""
 
@@ -93,7 +93,14 @@ def arrangement(name: str, n: int, d: int, seed: int = 0) -> tuple[np.ndarray, n
     if name in INTERFACES:
         height = position[:, -1] - 0.5 * m
         mixed = rng.uniform(-3, 3, len(position)) if name == "disordered" else 0.0
-        density[height > mixed] = 1.0
+        light = height > mixed
+        if name == "overturned":
+            light = ~light
+        elif name == "bubbles":
+            light = (((position + 6.0) % 12.0 - 6.0) ** 2).sum(axis=1) < 4.0**2
+        elif name == "salt":
+            light = rng.uniform(size=len(position)) < 0.3
+        density[light] = 1.0
     position = position + rng.uniform(-disturbance, disturbance, position.shape) * ~wall[:, None]
     return position, wall, density
 

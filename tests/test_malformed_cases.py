@@ -193,6 +193,8 @@ def other_dimension(draw, document):
 def another_axis(draw, document):
     """A corner with one number more or less."""
     path = chosen(draw, document, lambda path, value: path[-1] in ("lower", "upper") and isinstance(value, list))
+    if path is None:
+        return None
     value = at(document, path)
     replaced(document, path, draw(st.sampled_from([value[:-1], [*value, 1.0], []])))
     return path[:-1]
@@ -202,6 +204,8 @@ def upside_down(draw, document):
     """Lower and upper corner exchanged, or a shape without extent."""
     boxes = lambda path, value: isinstance(value, dict) and "upper" in value and path[0] != "reference"  # noqa: E731
     path = chosen(draw, document, boxes)
+    if path is None:
+        return None
     table = at(document, path)
     if draw(st.booleans()):
         table["lower"], table["upper"] = table["upper"], table["lower"]
@@ -237,7 +241,8 @@ def same_name(draw, document):
 def gauge_outside(draw, document):
     """A gauge where no water can come."""
     path = chosen(draw, document, lambda path, value: path[0] == "gauge" and path[-1] == "at")
-    if path is None:
+    bounded = document.get("body") or document.get("domain", {}).get("periodic")
+    if path is None or not bounded:  # a liquid without walls may go anywhere
         return None
     at(document, path)[0] += draw(st.sampled_from([-100.0, 100.0, 1e300]))
     return path

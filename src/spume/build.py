@@ -503,10 +503,29 @@ def build(
 
     rows = initial_rows(case)
     check_gauges(case, rows)
+    _refuse_too_many(case, len(rows["kind"]))
     warn_of_models(case)
     threads = threads or case.threads or kernels.worthwhile_threads(len(rows["kind"]))
     kernels.initialize(device or case.device, threads, precision or case.precision)
     return _simulation(case, rows)
+
+
+def _refuse_too_many(case: Case, rows: int) -> None:
+    """Refuse a case whose list of neighbours would not fit into one array of the kernel language.
+
+    Raises:
+        CaseError: too many rows.
+    """
+    from spume.lattice import regular_neighbours
+    from spume.search import LONGEST_ARRAY
+
+    most = int(LONGEST_ARRAY / regular_neighbours(case.step.largest_radius() + _SKIN, case.dimension))
+    if rows > most:
+        message = (
+            f"gives {rows:,} particles, walls included; with this effective radius at most {most:,} fit, "
+            "for a list of neighbours may have 2^31 entries: choose a larger spacing"
+        )
+        raise CaseError([case.problem(("spacing",), message)])
 
 
 def _simulation(case: Case, rows: Rows) -> Simulation:

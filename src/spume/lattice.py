@@ -2,9 +2,15 @@
 
 import functools
 from dataclasses import dataclass
+from math import pi
 from typing import Any
 
 import numpy as np
+
+
+def regular_neighbours(reach: float, dimension: int) -> float:
+    """Return about how many neighbours a row of the regular arrangement has within ``reach`` spacings."""
+    return pi * reach**2 if dimension == 2 else 4.2 * reach**3
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spume import kernels
+from spume.lattice import regular_neighbours
 from spume.particles import FLUID, WALL, Particles
 
 LISTED = FLUID | WALL
@@ -39,7 +40,7 @@ _REDUCTION_BLOCKS = 128
 _CROWDED = 20
 """Lists that are this many times longer than on the regular arrangement are those of rows that fell together."""
 
-_LONGEST_ARRAY = 2**31 - 1
+LONGEST_ARRAY = 2**31 - 1
 
 
 class TooManyNeighbours(RuntimeError):
@@ -168,7 +169,7 @@ class NeighbourList:
         while not self._fill(particles, *self._cells_built):
             used = int(kernels.host(self._flag)[0])
             slots = int(1.06 * used) + 16
-            if used > _CROWDED * self._regular_slots(particles) or self._blocks * slots > _LONGEST_ARRAY:
+            if used > _CROWDED * self._regular_slots(particles) or self._blocks * slots > LONGEST_ARRAY:
                 raise TooManyNeighbours(
                     f"{used / self._rows_per_block:.0f} neighbours a row, where the regular arrangement has "
                     f"{self._regular_slots(particles) / self._rows_per_block:.0f}"
@@ -189,8 +190,7 @@ class NeighbourList:
     def _regular_slots(self, particles: Particles) -> float:
         """Return the neighbours that a block of rows has on the regular arrangement."""
         reach = (self.radius + self.skin) / particles.spacing
-        near = math.pi * reach**2 if particles.dimension == 2 else 4.2 * reach**3
-        return near * self._rows_per_block
+        return regular_neighbours(reach, particles.dimension) * self._rows_per_block
 
     def bytes(self) -> int:
         """Return the memory of the list [bytes]."""

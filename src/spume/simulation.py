@@ -79,7 +79,8 @@ class Simulation:
         """
         domain, clock = self.domain, self.clock
         particles = domain.particles
-        speed = particles.largest_norm("velocity", ANY)
+        with domain.stages("limits"):
+            speed = particles.largest_norm("velocity", ANY)
         if clock.step == 0:
             try:
                 self.step.begin(domain)
@@ -112,7 +113,8 @@ class Simulation:
         except TooManyNeighbours as error:
             raise self._diverged(crowded(error, domain, clock), dt) from error
         self._acceleration = figures.pop("acceleration")
-        self._relative_speed = self.step.relative_speed(domain)
+        with domain.stages("limits"):
+            self._relative_speed = self.step.relative_speed(domain)
         clock.advance(dt)
         self.statistics = {"dt": dt, **figures}
         if "collisions" in particles.fields:

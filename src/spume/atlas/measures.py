@@ -21,16 +21,18 @@ def spatial_noise(position: NDArray[np.float64], pressure: NDArray[np.float64], 
     """
     from scipy.spatial import cKDTree
 
-    tree = cKDTree(position)
-    left = []
-    for i, near in enumerate(tree.query_ball_point(position, REACH * spacing)):
-        others = [j for j in near if j != i]
-        if len(others) < 6:
-            continue
-        basis = np.column_stack([np.ones(len(others)), (position[others] - position[i]) / spacing])
-        plane = np.linalg.lstsq(basis, pressure[others], rcond=None)[0]
-        left.append(pressure[i] - plane[0])
-    return rms(left) if left else float("nan")
+    found = cKDTree(position).query_pairs(REACH * spacing, output_type="ndarray")
+    i, j = np.concatenate([found, found[:, ::-1]]).T
+    basis = np.column_stack([np.ones(len(i)), (position[j] - position[i]) / spacing])
+    count, size = len(position), basis.shape[1]
+    moments, right = np.zeros((count, size, size)), np.zeros((count, size))
+    np.add.at(moments, i, basis[:, :, None] * basis[:, None, :])
+    np.add.at(right, i, basis * pressure[j, None])
+    enough = (np.bincount(i, minlength=count) >= 6) & (np.abs(np.linalg.det(moments)) > 1e-6)
+    if not enough.any():
+        return float("nan")
+    plane = np.linalg.solve(moments[enough], right[enough][:, :, None])[:, 0, 0]
+    return rms(pressure[enough] - plane)
 
 
 def temporal_noise(values: NDArray[np.float64]) -> float:

@@ -27,6 +27,9 @@ def validate(
         Path | None,
         typer.Option(help="Folder of runs and report. Default: validation-runs, with --quick validation-quick."),
     ] = None,
+    report_only: Annotated[
+        bool, typer.Option("--report", help="Run nothing: judge and report what has been run.")
+    ] = False,
     jobs: Annotated[
         int | None, typer.Option(min=1, help="Runs side by side, one thread each. Default: one for each processor.")
     ] = None,
@@ -60,10 +63,12 @@ def validate(
     def say(text: str) -> None:
         console.print(text, highlight=False)
 
-    results = driver.validate(studies, folder, quick=quick, jobs=jobs or available_threads(), say=say)
+    results = driver.validate(
+        studies, folder, quick=quick, jobs=jobs or available_threads(), say=say, run=not report_only
+    )
     console.print(table_of(results))
     say(f"Report: {folder / report.REPORT}")
-    failed = [run for study in results for run in study["runs"] if run["status"] != "finished"]
+    failed = [run for study in results for run in study["runs"] if run["status"] not in ("finished", "not run")]
     for run in failed:
         say(f"{run['case']}, {run['name']} {run['status']}: {run['reason']}")
     if failed:

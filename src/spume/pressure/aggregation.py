@@ -20,6 +20,10 @@ CELL = 2.0
 """Width of the first level's cells [l0]."""
 DAMPING = 0.85
 """Of the Jacobi sweeps; below 1 it is safe for every diagonally dominant matrix. Lone rows are not damped."""
+UNEVEN = 100.0
+"""Ratio of diagonals in a cell from which on only strongly connected rows are joined there (a jump of density)."""
+STRONG = 0.05
+"""A connection is strong if |a_ij| is at least this part of sqrt(a_ii a_jj)."""
 PARALLEL_ROWS = 10_000
 """Levels with fewer rows are worked on by one thread: waking the others costs more than it saves."""
 
@@ -120,6 +124,7 @@ def stages(value: Any, finest: bool) -> Any:
     Level, Coarse, Scratch = level_type(value), level_type(f32), scratch_type()
     Rows, Reals = kernels.array_type(i32), kernels.array_type(real)
     tiny = 1e-10 if kernels.runtime().precision == "double" else 1e-4
+    huge = 1e30
 
     @kernels.func
     def bound(b: i32, parts: i32, n: i32):  # type: ignore[no-untyped-def]
@@ -175,7 +180,11 @@ def stages(value: Any, finest: bool) -> Any:
 
     @kernels.func
     def split(b: i32, parts: i32, level: Level, at: i32, n: i32, apart: i32, scratch: Scratch):  # type: ignore[no-untyped-def, valid-type]
-        """Count the aggregates of each cell; ``apart``: one for each connected part, else one."""
+        """Count the aggregates of each cell; ``apart``: one for each connected part, else one.
+
+        Where diagonals differ as much as across a jump of density, the parts are those that strong connections
+        join; a handful of cells is too few for that, or the coarsest level would not be reached.
+        """
         for c in range(bound(b, parts, n), bound(b + 1, parts, n)):
             begin = scratch.begin[c]
             end = scratch.begin[c + 1]
@@ -188,7 +197,15 @@ def stages(value: Any, finest: bool) -> Any:
                     t -= 1
                 scratch.order[t + 1] = row
             found = qd.cast(end > begin, i32)
-            if apart == 1 and end > begin + 1:
+            lowest = qd.cast(huge, f32)
+            highest = qd.cast(0, f32)
+            for s in range(begin, end):
+                lowest = qd.min(lowest, level.diagonal[at + scratch.order[s]])
+                highest = qd.max(highest, level.diagonal[at + scratch.order[s]])
+            strong = qd.cast(0, f32)
+            if n > 8 and highest > UNEVEN * lowest:
+                strong = STRONG**2
+            if (apart == 1 or strong > 0) and end > begin + 1:
                 for s in range(begin, end):
                     scratch.label[scratch.order[s]] = scratch.order[s]
                 changed = 1
@@ -201,7 +218,9 @@ def stages(value: Any, finest: bool) -> Any:
                         for k in range(first, first + level.length[at + i]):
                             j = level.column[k]
                             if level.aggregate[at + j] == c:
-                                least = qd.min(least, scratch.label[j])
+                                v = qd.cast(level.value[k], f32)
+                                if v * v >= strong * level.diagonal[at + i] * level.diagonal[at + j]:
+                                    least = qd.min(least, scratch.label[j])
                         if least < scratch.label[i]:
                             scratch.label[i] = least
                             changed = 1

@@ -181,8 +181,8 @@ def _particles(
     three = any(made and made[0]["dimension"] == 3 for made in particles)
     notes.append(
         ("Drag turns, with shift it moves; " if three else "Drag moves; ")
-        + "pinching zooms, and so does the wheel after a click; a click on a particle tells its values; values "
-        "beyond the ends of the scale have the colours of its ends. "
+        + "pinching zooms, and so does the wheel after a click; a click on a particle tells its values, to a "
+        "250th of the scale; those beyond its ends have the colours of the ends. "
         "While it plays, positions are interpolated linearly between two frames; what stands still is a frame as "
         "it was written."
     )

@@ -4,7 +4,7 @@
 
 const STILL = 2e6; // pixels drawn at most; beyond, one of them covers several of the screen
 const MOVING = 6e5; // the same while it plays or is turned
-const FEWEST = 1.2e5; // where that is too slow
+const FEWEST = 2.4e5; // where that is too slow
 const SLOW = 25; // milliseconds between two pictures
 const WORK = 8; // of which drawing takes that many at least, else something else is slow
 const SHADES = 8;
@@ -570,8 +570,8 @@ class View {
     const place = ["x", "y", "z"].slice(0, this.dimension).map((a) => shortNumber(group.value(a, this.frame, row)));
     const parts = [`${id === null ? "particle" : `particle ${id}`} at (${place.join(", ")}) m`];
     if (group.absent(this.frame, row)) return `${parts[0]}: not in this frame`;
-    if (group.has("pressure")) parts.push(`pressure ${shortNumber(group.value("pressure", this.frame, row))} Pa`);
-    if (group.has("speed")) parts.push(`speed ${shortNumber(group.value("speed", this.frame, row))} m/s`);
+    if (group.has("pressure")) parts.push(`pressure ${shortNumber(group.value("pressure", this.frame, row), 3)} Pa`);
+    if (group.has("speed")) parts.push(`speed ${shortNumber(group.value("speed", this.frame, row), 3)} m/s`);
     return parts.join(", ");
   }
 

@@ -249,8 +249,9 @@ class Projection(Step):
     def caution(self) -> str:
         """Return which two models do not fit each other, though they can be computed together, or nothing."""
         cautions = []
-        if found := self.laplacian.caution(self.source.of_slope, self.number_density.re):
-            cautions.append(f"source {self.source.key!r} {found}")
+        source = self.source
+        if found := self.laplacian.caution(source.of_slope, self.number_density.re, not source.from_velocity):
+            cautions.append(f"source {source.key!r} {found}")
         if found := self.gradient.caution():
             cautions.append(f"gradient {self.gradient.key!r} {found}")
         if not (self.free_surface.known or self.gradient.completes):

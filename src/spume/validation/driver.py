@@ -17,7 +17,6 @@ from typing import Any
 
 from spume.outputs import summary
 from spume.outputs.disk import replace_text
-from spume.problems import CaseError, Problem
 from spume.validation.folder import Folder, budgets
 from spume.validation.study import Bar, Measured, Run, Study, order
 
@@ -162,7 +161,9 @@ def tasks_of(study: Study, out: Path, quick: bool) -> list[Task]:
     return [Task(run, out / study.name / RUNS / run.name) for run in (study.quick if quick else study.runs)]
 
 
-def validate(chosen: Iterable[Study], out: Path, *, quick: bool, jobs: int, say: Say) -> list[dict[str, Any]]:
+def validate(
+    chosen: Iterable[Study], out: Path, *, quick: bool, jobs: int, say: Say, run: bool = True
+) -> list[dict[str, Any]]:
     """Run studies, measure them, write results, figures and the report; return the results.
 
     Args:
@@ -171,14 +172,19 @@ def validate(chosen: Iterable[Study], out: Path, *, quick: bool, jobs: int, say:
         quick: the coarse runs, with their own limits.
         jobs: runs side by side.
         say: is told of every run that ends.
+        run: whether to run what is missing; without, it is left out, and so is a study of which nothing has been run.
     """
     from spume.validation import report
 
     chosen = [study for study in chosen if study.quick or not quick]
     tasks = [task for study in chosen for task in tasks_of(study, out, quick)]
-    do([task for task in tasks if not ended(task)], jobs, say)
+    missing = [task for task in tasks if not ended(task)]
+    if run:
+        do(missing, jobs, say)
     found = []
     for study in chosen:
+        if not run and all(task in missing for task in tasks_of(study, out, quick)):
+            continue
         results, measured = judge(study, tasks_of(study, out, quick), quick)
         folder = out / study.name
         replace_text(folder / RESULTS, json.dumps(results, indent=2, ensure_ascii=False) + "\n")
@@ -205,17 +211,14 @@ def judge(study: Study, tasks: Sequence[Task], quick: bool) -> tuple[dict[str, A
     runs = []
     for task in tasks:
         folder = Folder(task.folder)
-        try:
-            numbers = folder.summary
-        except (OSError, ValueError) as error:
-            raise CaseError([Problem(str(task.folder), "", "", f"not a run that ended: {error}")]) from None
+        numbers = folder.summary if ended(task) else {"status": "not run"}
         entry: dict[str, Any] = {
             "name": task.run.name,
             "case": task.run.case,
             "series": task.run.series,
             "cells": task.run.cells,
             "settings": list(task.run.settings),
-            **{key: numbers[key] for key in _NUMBERS},
+            **{key: numbers.get(key) for key in _NUMBERS},
         }
         if numbers["status"] == "finished":
             measured[task.run] = study.measure(folder)

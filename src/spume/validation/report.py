@@ -117,8 +117,10 @@ def number(value: float | None) -> str:
 
 
 def _failures(results: dict[str, Any]) -> list[str]:
-    failed = [run for run in results["runs"] if run["status"] != "finished"]
+    failed = [run for run in results["runs"] if run["status"] not in ("finished", "not run")]
     lines = [f"- **{run['name']} {run['status']}**: {run['reason']}" for run in failed]
+    missing = [run["name"] for run in results["runs"] if run["status"] == "not run"]
+    lines += [f"- not run: {', '.join(missing)}"] if missing else []
     return [*lines, ""] if lines else []
 
 

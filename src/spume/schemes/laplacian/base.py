@@ -48,12 +48,13 @@ class Laplacian(Operator, family="laplacian"):
             over: kinds of the neighbours that take part in the sum.
         """
 
-    def caution(self, of_slope: bool, re: float) -> str:
+    def caution(self, of_slope: bool, re: float, of_crowding: bool = False) -> str:
         """Return what does not fit about a source of the pressure equation and this model, or nothing.
 
         Args:
             of_slope: whether the source sums the derivative of the weight (see ``Source``).
             re: its effective radius [l0].
+            of_crowding: whether it measures how rows have moved together (``Source.from_velocity`` is false).
         """
         if of_slope:
             return "carries a factor (1.42 in 2D, 1.07 in 3D at re = 2.1) that only the laplacian higher-order shares"

@@ -62,12 +62,15 @@ class HigherOrder(Laplacian, name="higher-order"):
             )
         return self
 
-    def caution(self, of_slope: bool, re: float) -> str:
+    def caution(self, of_slope: bool, re: float, of_crowding: bool = False) -> str:
         """Return what does not fit about a source of the pressure equation and this model, or nothing."""
         if of_slope and self.form == "calibrated":
             return 'carries the factor of the form "consistent" of the laplacian higher-order: choose that form'
         if of_slope and re != self.re:
             return f"is summed with re = {re:g}, the laplacian higher-order with re = {self.re:g}: choose the same"
+        if of_crowding:  # a small change of n has the factor of "consistent", the volume that n states has not
+            both = f'the form "{self.form}" of the laplacian is too large for it: choose "calibrated" or "consistent"'
+            return both if self.form == "published" else ""
         if not of_slope and self.form != "calibrated":
             return f'has the right size by itself, the form "{self.form}" of the laplacian has not: choose "calibrated"'
         return ""

@@ -153,7 +153,7 @@ def no_guess(a):  # type: ignore[no-untyped-def]
 def _system() -> LinearSystem:
     """Return the system's storage, which serves every step and every simulation; each step fills it anew."""
     return LinearSystem(
-        solution="viscous_change", state="viscous_state", diagonal="viscous_diagonal", rhs="viscous_rhs", single=True
+        solution="viscous_change", state="viscous_state", diagonal="viscous_diagonal", rhs="viscous_rhs"
     )
 
 
