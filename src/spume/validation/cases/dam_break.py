@@ -73,7 +73,7 @@ def of(case: str, number: str, sizes: tuple[int, ...], quick: tuple[int, ...], j
         return Run(case, cells, settings)
 
     bars = (
-        Bar(PEAK, 2.03, 1.77, cells=100, quick=(0.8, 8.0)),
+        Bar(PEAK, 2.03, 1.77, cells=100, quick=(0.8, 15.0)),
         *(Bar(name, 0.15, cells=100, quick=(0.0, 0.6)) for name in PRESSURES),
         *(Bar(name, 0.04, cells=100, quick=(0.0, 0.08)) for name in LEVELS),
     )
