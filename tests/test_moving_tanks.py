@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import spume
+from spume.pressure.multigrid import Multigrid
 from spume.particles import FLUID
 from spume.pressure.conjugate_gradient import ConjugateGradient
 from spume.steps.project_in_place import ProjectInPlace
@@ -127,7 +128,9 @@ def test_waters_on_two_sides_do_not_see_each_other(device):
     for waters in ((deep, shallow), (deep,), (shallow,)):
         case = tank(width=0.6, bodies=[plate()], step_max=0.001)
         both = tuple(spume.Fluid(**water, initial="hydrostatic") for water in waters)
-        simulation = built(case.model_copy(update={"fluid": both}), device)
+        # The mean of the residual over both waters decides when a solve ends: it must not matter.
+        step = case.step.model_copy(update={"solver": Multigrid(tolerance=1e-7, volume_error=0.0)})
+        simulation = built(case.model_copy(update={"fluid": both, "step": step}), device)
         for _ in range(5):
             simulation.advance()
         x, p = by_id(simulation, "position", "pressure")

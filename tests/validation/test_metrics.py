@@ -125,5 +125,6 @@ def test_the_dam_break_reports_what_the_case_compared(monkeypatch):
     gauges = {f"pressure-{k}": {"time": np.arange(3.0), "pressure": np.zeros(3)} for k in range(1, 5)}
     found = dam_break.measure(Known(gauges=gauges, summary={"comparison": comparison}))
     assert found.metrics[dam_break.PRESSURES[3]] == 0.2
+    assert found.metrics[dam_break.PEAK] == 0.0, "of the whole series, not that of the window"
     assert found.metrics[dam_break.LEVELS[0]] == 0.03
     assert found.curves["z = 3 mm"][0][0] == 0.05, "shifted as the comparison was"

@@ -50,7 +50,7 @@ def figure(results: dict[str, Any], path: Path) -> None:
             mine, usual = (runs[n, problem].get("error") for n in (name, "default"))
             if mine and usual:
                 ratio[i, k] = math.log10(mine / usual)
-    drawn, axis = plt.subplots(figsize=(9.0, 1.2 + 0.21 * len(names)), layout="constrained")
+    drawn, axis = plt.subplots(figsize=(9.0, max(3.5, 1.2 + 0.21 * len(names))), layout="constrained")
     colours = plt.get_cmap("RdYlGn_r").with_extremes(bad="0.25")
     image = axis.imshow(np.ma.masked_invalid(ratio), cmap=colours, vmin=-1.0, vmax=1.0, aspect="auto")
     for i, name in enumerate(names):

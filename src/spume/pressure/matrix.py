@@ -283,7 +283,7 @@ def _assembly_kernel(
     leaning = terms.rhs is not None
     lines = [
         f"def assemble({', '.join(parameters)}):",
-        "    qd.loop_config(serialize=serial, block_dim=1)",
+        "    qd.loop_config(serialize=serial, block_dim=1)" if kernels.runtime().device == "cpu" else "",
         "    for part in range(parts):",
         "        begin = qd.cast(qd.cast(count, qd.i64) * part // parts, qd.i32)",
         "        end = qd.cast(qd.cast(count, qd.i64) * (part + 1) // parts, qd.i32)",

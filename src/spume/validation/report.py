@@ -97,8 +97,10 @@ def _bar_row(results: dict[str, Any], bar: dict[str, Any]) -> str:
     if bar["meant for cells"] > bar["cells"]:
         at += f" (meant for {bar['meant for cells']})"
     word = bar["verdict"] if bar["verdict"] != "MISSED" else "**MISSED**"
+    word += " (limit of the quick runs, not the bar)" if results["quick"] and word != "not judged" else ""
     name = f"{results['number']} {results['case']}"
-    return f"| {name} | {_series(bar)}{bar['metric']} | {limits(bar)} | {number(bar['reached'])} | {at} | {word} |"
+    metric = bar["metric"].replace("|", "\\|")
+    return f"| {name} | {_series(bar)}{metric} | {limits(bar)} | {number(bar['reached'])} | {at} | {word} |"
 
 
 def limits(bar: dict[str, Any]) -> str:
@@ -134,7 +136,7 @@ def _runs(results: dict[str, Any]) -> list[str]:
 
     def row(name: str, values: list[Any]) -> None:
         cells = [v if isinstance(v, str) else number(v) for v in values]
-        lines.append(f"| {name} | " + " | ".join(cells) + " |")
+        lines.append(f"| {name.replace('|', chr(92) + '|')} | " + " | ".join(cells) + " |")
 
     for metric in dict.fromkeys(name for run in runs for name in run["metrics"]):
         row(metric, [run["metrics"].get(metric) for run in runs])

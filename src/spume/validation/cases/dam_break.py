@@ -29,7 +29,10 @@ def _series(sensor: int) -> Curve | None:
 def measure(folder: Folder) -> Measured:
     """Return what the case's own comparison found, and the rms against the full series where that is at hand."""
     found = {entry["gauge"]: entry for entry in folder.summary["comparison"]}
-    metrics = {PEAK: found["pressure-2"]["peak"], "peak at z = 3 mm / ρgH": found["pressure-1"]["peak"]}
+    # The largest single value of the whole run: the case's own peak leaves out what comes before t√(g/H) = 2.45.
+    peaks = [float(folder.gauge(f"pressure-{k}")["pressure"].max()) / (RHO * G * H) for k in (1, 2)]
+    metrics = {PEAK: peaks[1], "peak at z = 3 mm / ρgH": peaks[0]}
+    metrics["peak at z = 15 mm / ρgH, from t√(g/H) = 2.45 on"] = found["pressure-2"]["peak"]
     curves: dict[str, Curve] = {}
     for k, name in enumerate(PRESSURES, start=1):
         entry, gauge = found[f"pressure-{k}"], folder.gauge(f"pressure-{k}")
@@ -70,7 +73,7 @@ def of(case: str, number: str, sizes: tuple[int, ...], quick: tuple[int, ...], j
         return Run(case, cells, settings)
 
     bars = (
-        Bar(PEAK, 2.03, 1.77, cells=100, quick=(0.8, 4.0)),
+        Bar(PEAK, 2.03, 1.77, cells=100, quick=(0.8, 15.0)),
         *(Bar(name, 0.15, cells=100, quick=(0.0, 0.6)) for name in PRESSURES),
         *(Bar(name, 0.04, cells=100, quick=(0.0, 0.08)) for name in LEVELS),
     )

@@ -105,7 +105,7 @@ STUDY = Study(
     quick=(_run(0.1, 12), _run(0.1, 20)),
     measure=measure,
     bars=(
-        Bar(ELEVATION, 0.03, series="ka = 0.1", cells=50, quick=(0.0, 0.3)),
+        Bar(ELEVATION, 0.03, series="ka = 0.1", cells=50, quick=(0.0, 0.5)),
         Bar(DECAY, 0.005, series="ka = 0.1", cells=50, quick=(-0.02, 0.06)),
         Bar(ELEVATION, 0.03, series="ka = 0.2", cells=50),
         Bar(DECAY, 0.005, series="ka = 0.2", cells=50),
