@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import spume
-from spume.pressure.multigrid import Multigrid
 from spume.particles import FLUID
 from spume.pressure.conjugate_gradient import ConjugateGradient
+from spume.pressure.multigrid import Multigrid
 from spume.steps.project_in_place import ProjectInPlace
 from tanks import by_id
 
