@@ -147,6 +147,11 @@ def test_more_rows_than_a_list_may_have_entries_for_are_refused(monkeypatch):
         build(water)
 
 
+def test_a_period_of_a_few_spacings_is_refused():
+    with pytest.raises(CaseError, match=r"periodic length 0\.5 m along axis 0: at least .*choose a smaller spacing"):
+        build(load("couette", ["spacing=0.1"]))
+
+
 def test_a_shape_too_small_for_the_spacing_is_refused():
     assert "half a spacing" in complaint(case([Fluid(name="a", shape=Box(lower=(0, 0), upper=(0.01, 1)))]))
     speck = Fluid(name="a", shape=Sphere(centre=(0.3, 0.3), radius=0.01))

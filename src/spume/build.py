@@ -553,7 +553,12 @@ def _simulation(case: Case, rows: Rows) -> Simulation:
     lower, upper = region(case, rows)
     periodic = [axis in case.domain.periodic for axis in AXES[: case.dimension]]
     radius = case.step.largest_radius() * case.spacing
-    pairs = Pairs(radius, _SKIN * case.spacing, lower, upper, periodic)
+    try:
+        pairs = Pairs(radius, _SKIN * case.spacing, lower, upper, periodic)
+    except ValueError as error:
+        raise CaseError(
+            [case.problem(("spacing",), f"{error}: choose a smaller spacing or a longer period")]
+        ) from error
     lattice = Lattice(case.dimension, case.spacing)
     frame = case.domain.motion if case.domain.frame == "tank" else None
     domain = Domain(lattice, particles, pairs, bodies, case.domain.gravity, case.fluid[0].density, motion=frame)
