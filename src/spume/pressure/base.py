@@ -46,7 +46,7 @@ class Solver(Scheme, family="solver"):
 
     tolerance: float = Parameter(default=1e-5, gt=0.0, lt=1.0)
     """Relative residual at which the iteration stops (see ``Solution``) [1]."""
-    volume_error: float = Parameter(default=1e-6, ge=0.0, lt=1.0)
+    volume_error: float = Parameter(default=0.0, ge=0.0, lt=1.0)
     """Relative change of volume in a step, root mean square, that the pressure may leave; 0: ``tolerance`` decides [1].
 
     The residual r of the pressure equation is a rate of change of the divergence, and dt^2 r the part of a particle's
