@@ -22,7 +22,7 @@ import numpy as np
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent))
 
-from report import Bar, save, show
+from bars import Bar, save, show
 
 from spume.outputs import checkpoint, summary, vtkhdf
 
