@@ -1,0 +1,59 @@
+"""How fast neighbours move against each other, and fields that share memory."""
+
+import numpy as np
+import pytest
+
+import spume
+from spume.build import build
+from spume.particles import Field, Particles
+
+
+@pytest.fixture
+def simulation(device):
+    case = spume.Case(
+        spacing=0.1, time=spume.Time(end=1.0),
+        fluid=[spume.Fluid(name="water", shape=spume.Box(lower=[0.0, 0.0], upper=[0.8, 0.4]))],
+        body=[spume.Wall(name="tank", shape=spume.Tank(lower=[0.0, 0.0], upper=[2.0, 1.0], open=["top", "left"]))],
+    )  # fmt: skip
+    simulation = build(case, device)
+    simulation.step.begin(simulation.domain)
+    return simulation
+
+
+def relative(simulation, motion):
+    particles = simulation.particles
+    velocity = np.zeros((particles.count, 2))
+    fluid = particles.numpy("kind") == 1
+    velocity[fluid] = motion(particles.numpy("position")[fluid])
+    particles.set("velocity", velocity)
+    return simulation.step.relative_speed(simulation.domain)
+
+
+def test_water_that_slides_along_a_wall_does_not_move_against_it(simulation):
+    assert relative(simulation, lambda x: [3.0, 0.0]) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_water_that_falls_on_a_wall_does(simulation):
+    assert relative(simulation, lambda x: [3.0, -2.0]) == pytest.approx(2.0, rel=1e-6)
+
+
+def test_a_particle_among_others(simulation):
+    def motion(x):
+        velocity = np.tile([3.0, 0.0], (len(x), 1))
+        velocity[np.argmin(np.linalg.norm(x - [0.45, 0.25], axis=1))] = [3.0, 1.5]
+        return velocity
+
+    assert relative(simulation, motion) == pytest.approx(1.5, rel=1e-6)
+
+
+def test_scratch_of_different_owners_shares_memory(device):
+    mine = (Field("a", ("d",), scratch="one"), Field("b", ("d",), scratch="one"))
+    theirs = (Field("c", ("d",), scratch="two"), Field("d", (), scratch="two"))
+    particles = Particles(2, 0.1, (*mine, *theirs))
+    assert particles["c"] is particles["a"]
+    assert particles["b"] is not particles["a"]
+    assert particles["d"] is not particles["a"]
+    particles.keep("a", ("recipe",), ("position",))
+    assert particles.keeps("a", ("recipe",), ("position",))
+    particles.written("c")
+    assert not particles.keeps("a", ("recipe",), ("position",))
