@@ -88,7 +88,9 @@ def figure(results: list[dict[str, Any]], path: Path) -> None:
     names = list(dict.fromkeys(r["arrangement"] for r in results))
     for ax, d in zip(axes, (2, 3), strict=True):
         for index, name in enumerate(names):
-            mine = sorted((r for r in results if (r["dimension"], r["arrangement"]) == (d, name)), key=lambda r: r["rows"])
+            mine = sorted(
+                (r for r in results if (r["dimension"], r["arrangement"]) == (d, name)), key=lambda r: r["rows"]
+            )
             ax.plot(
                 [r["rows"] for r in mine], [r["iterations"] for r in mine], marker="osD^v<>P"[index % 8], markersize=5,
                 color=plt.get_cmap("viridis")(index / len(names)), label=name,

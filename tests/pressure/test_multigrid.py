@@ -222,12 +222,20 @@ def test_the_same_bits_again(device, threads):
 
 def test_the_program_of_a_cycle():
     """Two inner iterations on the two finest coarse levels: 1, 2, 4, 4, 4 visits."""
-    assert cycle.program(1, 20) == []
-    operations = cycle.program(6, 2)
-    visits = [operations.count((cycle.POLISH, level)) for level in range(1, 6)]
-    assert visits == [2, 4, 4, 4, 4]
+    assert cycle.program(1, ()) == []
+    operations = cycle.program(6, {1, 2})
+    visits = [operations.count((cycle.POLISH, level)) for level in range(1, 5)]
+    assert visits == [2, 4, 4, 4]
+    assert operations.count((cycle.SOLVE, 5)) == 4
     assert operations.count((cycle.SECOND, 2)) == 2
     assert operations.count((cycle.RESTRICT, 5)) == 0
+
+
+def test_levels_that_hardly_shrink_are_not_visited_twice():
+    """Or the visits to the last of twenty levels of drops and films would be a million."""
+    assert cycle.inner_levels([1000, 200, 190, 90, 80], 20) == {1, 3}
+    assert cycle.inner_levels([1000, 200, 190, 90, 80], 2) == {1}
+    assert cycle.inner_levels([1000], 20) == cycle.inner_levels([], 20) == frozenset()
 
 
 @pytest.mark.parametrize("laplacian", [CorrectedVector(), DummyNeighbour(), SecondOrder(re=2.1)], ids=lambda m: m.key)

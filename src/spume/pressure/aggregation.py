@@ -3,8 +3,8 @@
 Rows of the first coarse level are cells two particle spacings wide, cells of every further level are
 twice as wide (bucket-based aggregation, Södersten, Matsunaga & Koshizuka 2019). Beyond the first level
 an aggregate holds only rows that the matrix connects, so that two pools beside a wall stay apart; a row
-without a connection left is solved by its diagonal alone and is in no aggregate. So each connected part
-of the water ends as one such row, and the coarsest level needs no special solver.
+without a connection left, or held by a known pressure above all, is left to the sweeps. The first level that is
+small enough is the last one (``coarsest.py``).
 """
 
 from dataclasses import dataclass
@@ -24,13 +24,16 @@ UNEVEN = 60.0
 """Ratio of diagonals in a cell from which on only strongly connected rows are joined there (a jump of density)."""
 STRONG = 0.05
 """A connection is strong if |a_ij| is at least this part of sqrt(a_ii a_jj)."""
+DOMINANT = 0.5
+"""A coarse row that is tied to a known pressure by more than this part of its diagonal is left to the sweeps alone."""
 PARALLEL_ROWS = 10_000
 """Levels with fewer rows are worked on by one thread: waking the others costs more than it saves."""
 
 # Words of the table: first row and number of rows of each level, then these.
 _COUNTERS = 2 * (LEVELS + 1)
 DEPTH, SLOTS, OVERFLOW, SHAPE = _COUNTERS, _COUNTERS + 1, _COUNTERS + 2, _COUNTERS + 3
-TABLE = _COUNTERS + 6
+BAND = _COUNTERS + 6  # half the width of the coarsest level's band, -1 if that level is not solved directly
+TABLE = _COUNTERS + 7
 TOO_FEW_ROWS, TOO_FEW_SLOTS = 1, 2
 
 
@@ -68,6 +71,7 @@ def level_type(value: Any) -> Any:
             preconditioner needs no more.
     """
     Values, Singles, Rows = (kernels.array_type(t) for t in (value, kernels.f32, kernels.i32))
+    Reals = kernels.array_type(kernels.runtime().real)
 
     @dataclass
     class Level:
@@ -89,6 +93,7 @@ def level_type(value: Any) -> Any:
         new: Singles  # type: ignore[valid-type]  # and after the last sweep
         image: Singles  # type: ignore[valid-type]  # A new
         kept: Singles  # type: ignore[valid-type]  # first direction of the inner iteration
+        band: Reals  # type: ignore[valid-type]  # the coarsest level's matrix, once it is eliminated
 
     return Level
 
@@ -152,7 +157,7 @@ def stages(value: Any, finest: bool) -> Any:
         t1 = shape(table, k, 1)
         for i in range(at + bound(b, parts, n), at + bound(b + 1, parts, n)):
             c = -1
-            if level.length[i] > 0:
+            if level.length[i] > 0 and level.excess[i] <= DOMINANT * level.diagonal[i]:
                 old = level.cell[i]
                 c = (old % s0) // 2 + t0 * ((old // s0 % s1) // 2 + t1 * (old // (s0 * s1) // 2))
                 qd.atomic_add(scratch.cursor[c], 1)
@@ -300,7 +305,10 @@ def stages(value: Any, finest: bool) -> Any:
                     v = level.value[k]
                     if kernels.static(finest):
                         excess += v
-                    if j >= 0:
+                    if j < 0:
+                        # A row that is left to the sweeps counts as known.
+                        excess -= v
+                    else:
                         m = scratch.marker[marker + j]
                         if m >= first:
                             coarse.value[m] += qd.cast(v, f32)
@@ -383,6 +391,7 @@ def particle_stages(d: int, value: Any) -> Any:
         table[DEPTH] = 1
         table[SLOTS] = 0
         table[OVERFLOW] = 0
+        table[BAND] = -1
         for axis in range(3):
             table[SHAPE + axis] = 1
         for axis in kernels.static(range(d)):

@@ -1,47 +1,66 @@
 """The multigrid cycle and the flexible conjugate gradients around it.
 
 One damped Jacobi sweep before the coarse correction, from zero, and one after it: a cycle and the image of
-its result cost three products with the matrix on a level. (Gauss-Seidel sweeps took the same number of
+its result cost three products with the matrix on a level. Whoever sets a right side makes the first sweep with it,
+so that it needs no loop of its own. (Gauss-Seidel sweeps took the same number of
 iterations and half a product less, but their short dependent loops made an iteration 1.2 to 1.5 times slower.)
 """
 
+from collections.abc import Collection, Sequence
 from types import SimpleNamespace
 from typing import Any
 
 from spume import kernels
-from spume.pressure.aggregation import level_type, stages
+from spume.pressure.aggregation import BAND, level_type, stages
 from spume.pressure.base import START_SHARE
+from spume.pressure.coarsest import direct_stages
 
-SMOOTH, RESTRICT, CORRECT, POLISH, FIRST, SECOND, RUN = range(7)
+RESTRICT, CORRECT, POLISH, SOLVE, FIRST, SECOND, RUN = range(7)
 """Operations on a level that a program consists of; RUN stands for several in a row."""
 
 # Scalars of the outer iteration; from SCALARS on, four of each level.
 RIGHT, REST, IMAGE_OF_DIRECTION, ITERATIONS, STEP, TURN = 0, 1, 2, 4, 5, 6
 SCALARS = 8
 
+SHRINKING = 0.6
+"""Largest ratio of the rows of two levels at which inner iterations on the finer one pay."""
 
-def program(depth: int, inner: int) -> list[tuple[int, int]]:
+
+def inner_levels(rows: Sequence[int], most: int) -> frozenset[int]:
+    """Return the levels whose coarse problem takes two steps of flexible conjugate gradients instead of one cycle.
+
+    Every such level doubles the visits to all levels below. Where the next one is hardly smaller, as when drops and
+    films are left over, that would cost more than it saves.
+
+    Args:
+        rows: of each coarse level.
+        most: number of coarse levels that may be among them, the finest first.
+    """
+    pairs = list(zip(rows, rows[1:], strict=False))[:most]
+    return frozenset(level for level, (own, next_) in enumerate(pairs, 1) if next_ <= SHRINKING * own)
+
+
+def program(depth: int, inner: Collection[int]) -> list[tuple[int, int]]:
     """Return the operations that solve on level 1, as (operation, level).
 
     Args:
         depth: number of levels, the particles' included.
-        inner: on levels up to this one the coarse problem is solved by two steps of flexible conjugate
-            gradients (K-cycle, Notay & Vassilevski 2008), below by one cycle.
+        inner: levels that are solved by two steps of flexible conjugate gradients (K-cycle, Notay & Vassilevski
+            2008); the others by one cycle.
     """
     operations: list[tuple[int, int]] = []
 
     def cycle(level: int) -> None:
-        operations.append((SMOOTH, level))
-        if level + 1 < depth:
-            operations.append((RESTRICT, level))
-            solve(level + 1)
-            operations.append((CORRECT, level))
-        operations.append((POLISH, level))
+        operations.append((RESTRICT, level))
+        solve(level + 1)
+        operations.extend([(CORRECT, level), (POLISH, level)])
 
     def solve(level: int) -> None:
+        if level + 1 == depth:
+            operations.append((SOLVE, level))
+            return
         cycle(level)
-        # On the last level every row stands alone: one cycle is exact.
-        if level <= inner and level + 1 < depth:
+        if level in inner:
             operations.append((FIRST, level))
             cycle(level)
             operations.append((SECOND, level))
@@ -74,13 +93,6 @@ def cycle_stages(symmetric: bool, value: Any) -> Any:
         return s
 
     @kernels.func
-    def smooth(b: i32, parts: i32, level: Level, at: i32, n: i32):  # type: ignore[no-untyped-def, valid-type]
-        """Sweep from zero."""
-        for t in range(at + bound(b, parts, n), at + bound(b + 1, parts, n)):
-            i = at + level.row[t]
-            level.old[i] = level.right[i] * level.inverse[i]
-
-    @kernels.func
     def leave(b: i32, parts: i32, level: Level, at: i32, n: i32):  # type: ignore[no-untyped-def, valid-type]
         """Put what the sweep left over into ``new``, which is free until ``polish``."""
         for t in range(at + bound(b, parts, n), at + bound(b + 1, parts, n)):
@@ -89,12 +101,13 @@ def cycle_stages(symmetric: bool, value: Any) -> Any:
 
     @kernels.func
     def restrict(b: i32, parts: i32, level: Level, at: i32, coarse: Coarse, to: i32, n: i32):  # type: ignore[no-untyped-def, valid-type]
-        """Sum what the sweep left over in each aggregate."""
+        """Sum what the sweep left over in each aggregate, and sweep from zero with it there."""
         for own in range(to + bound(b, parts, n), to + bound(b + 1, parts, n)):
             s = qd.cast(0, f32)
             for m in range(coarse.first[own], coarse.last[own]):
                 s += level.new[at + level.member[at + m]]
             coarse.right[own] = s
+            coarse.old[own] = s * coarse.inverse[own]
 
     @kernels.func
     def correct(b: i32, parts: i32, level: Level, at: i32, n: i32, coarse: Coarse, to: i32):  # type: ignore[no-untyped-def, valid-type]
@@ -177,7 +190,9 @@ def cycle_stages(symmetric: bool, value: Any) -> Any:
         step = qd.cast(scalars[SCALARS + 4 * number + 1], f32)
         for t in range(at + bound(b, parts, n), at + bound(b + 1, parts, n)):
             i = at + level.row[t]
-            level.right[i] -= step * level.image[i]
+            rest = level.right[i] - step * level.image[i]
+            level.right[i] = rest
+            level.old[i] = rest * level.inverse[i]
             level.kept[i] = level.new[i]
 
     @kernels.func
@@ -197,7 +212,7 @@ def cycle_stages(symmetric: bool, value: Any) -> Any:
             level.new[i] = kept * level.kept[i] + step * level.new[i]
 
     return SimpleNamespace(
-        smooth=smooth, leave=leave, restrict=restrict, correct=correct, polish=polish, image_of=image_of,
+        leave=leave, restrict=restrict, correct=correct, polish=polish, image_of=image_of,
         first_products=first_products, first_scalars=first_scalars, first_step=first_step,
         second_products=second_products, second_scalars=second_scalars, second_step=second_step,
         total=total, ratio=ratio,
@@ -230,6 +245,7 @@ def outer_stages(symmetric: bool, value: Any) -> Any:
             bb += rhs[i] * rhs[i] + START_SHARE**2 * (diagonal[i] * x[i]) ** 2 + floor
             r[i] = rest
             level.right[i] = qd.cast(rest, f32)
+            level.old[i] = level.right[i] * level.inverse[i]
             p[i] = 0
             q[i] = 0
             rr += rest * rest
@@ -294,6 +310,7 @@ def outer_stages(symmetric: bool, value: Any) -> Any:
             rest = r[i] - step * q[i]
             r[i] = rest
             level.right[i] = qd.cast(rest, f32)
+            level.old[i] = level.right[i] * level.inverse[i]
             rr += rest * rest
         partial[3 * b] = rr
 
@@ -306,7 +323,7 @@ def run_function(symmetric: bool) -> Any:
     i32 = kernels.i32
     Coarse = level_type(kernels.f32)
     Reals, Rows = kernels.array_type(kernels.runtime().real), kernels.array_type(i32)
-    c = cycle_stages(symmetric, kernels.f32)
+    c, solve = cycle_stages(symmetric, kernels.f32), direct_stages().solve
 
     @kernels.func
     def run(operations: Rows, first: i32, last: i32, coarse: Coarse, table: Rows, partial: Reals, scalars: Reals):  # type: ignore[no-untyped-def, valid-type]
@@ -315,15 +332,19 @@ def run_function(symmetric: bool) -> Any:
             level = operations[2 * step + 1]
             at = table[2 * level]
             n = table[2 * level + 1]
-            if operation == SMOOTH:
-                c.smooth(0, 1, coarse, at, n)
-            elif operation == RESTRICT:
+            if operation == RESTRICT:
                 c.leave(0, 1, coarse, at, n)
                 c.restrict(0, 1, coarse, at, coarse, at + n, table[2 * level + 3])
             elif operation == CORRECT:
                 c.correct(0, 1, coarse, at, n, coarse, at + n)
             elif operation == POLISH:
                 c.polish(0, 1, coarse, at, n)
+            elif operation == SOLVE:
+                if table[BAND] >= 0:
+                    solve(coarse, at, n, table[BAND])
+                else:
+                    # Rows that stand alone, for which the sweep is exact, or nearly so.
+                    c.polish(0, 1, coarse, at, n)
             elif operation == FIRST:
                 c.first_products(0, 1, coarse, at, n, partial)
                 c.first_scalars(1, level, partial, scalars)
@@ -357,7 +378,6 @@ def solve_in_one_thread(symmetric: bool, value: Any) -> Any:
             o.residual(0, 1, level, diagonal, x, rhs, r, p, q, partial, floor, n)
             o.begin(1, partial, scalars)
             while scalars[REST] > tolerance * tolerance * scalars[RIGHT] and scalars[ITERATIONS] < largest:
-                f.smooth(0, 1, level, 0, n)
                 if length > 0:
                     f.leave(0, 1, level, 0, n)
                     f.restrict(0, 1, level, 0, coarse, 0, table[3])
@@ -390,14 +410,12 @@ def parallel_kernels(symmetric: bool, value: Any) -> Any:
         qd.loop_config(block_dim=1)
         for b in range(parts):
             o.residual(b, parts, level, diagonal, x, rhs, r, p, q, partial, floor, n)
+        qd.loop_config(serialize=True)
         for _ in range(1):
             o.begin(parts, partial, scalars)
 
     @kernels.kernel
     def descend_finest(level: Level, n: i32, coarse: Coarse, n_coarse: i32, parts: i32):  # type: ignore[no-untyped-def, valid-type]
-        qd.loop_config(block_dim=1)
-        for b in range(parts):
-            f.smooth(b, parts, level, 0, n)
         qd.loop_config(block_dim=1)
         for b in range(parts):
             f.leave(b, parts, level, 0, n)
@@ -422,19 +440,18 @@ def parallel_kernels(symmetric: bool, value: Any) -> Any:
         qd.loop_config(block_dim=1)
         for b in range(parts):
             o.products(b, parts, level, diagonal, r, q, image, partial, n)
+        qd.loop_config(serialize=True)
         for _ in range(1):
             o.decide(parts, partial, scalars)
         qd.loop_config(block_dim=1)
         for b in range(parts):
             o.advance(b, parts, level, x, r, p, q, image, partial, scalars, n)
+        qd.loop_config(serialize=True)
         for _ in range(1):
             scalars[REST] = c.total(partial, parts, 0)
 
     @kernels.kernel
     def descend(coarse: Coarse, at: i32, n: i32, to: i32, n_coarse: i32, parts: i32):  # type: ignore[no-untyped-def, valid-type]
-        qd.loop_config(block_dim=1)
-        for b in range(parts):
-            c.smooth(b, parts, coarse, at, n)
         qd.loop_config(block_dim=1)
         for b in range(parts):
             c.leave(b, parts, coarse, at, n)
@@ -456,6 +473,7 @@ def parallel_kernels(symmetric: bool, value: Any) -> Any:
         qd.loop_config(block_dim=1)
         for b in range(parts):
             c.first_products(b, parts, level, at, n, partial)
+        qd.loop_config(serialize=True)
         for _ in range(1):
             c.first_scalars(parts, number, partial, scalars)
         qd.loop_config(block_dim=1)
@@ -467,6 +485,7 @@ def parallel_kernels(symmetric: bool, value: Any) -> Any:
         qd.loop_config(block_dim=1)
         for b in range(parts):
             c.second_products(b, parts, level, at, n, partial)
+        qd.loop_config(serialize=True)
         for _ in range(1):
             c.second_scalars(parts, number, partial, scalars)
         qd.loop_config(block_dim=1)

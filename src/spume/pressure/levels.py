@@ -16,6 +16,7 @@ from spume.pressure.aggregation import (
     stages,
     stretches,
 )
+from spume.pressure.coarsest import direct_stages
 
 
 @kernels.cached
@@ -53,6 +54,32 @@ def coarsening(value: Any, finest: bool) -> Any:
     return coarsen
 
 
+@kernels.cached
+def coarser_levels() -> Any:
+    """Return the function that builds all levels behind level k in one thread, down to one that is solved directly."""
+    i32 = kernels.i32
+    Coarse, Scratch = level_type(kernels.f32), scratch_type()
+    Rows, Reals = kernels.array_type(i32), kernels.array_type(kernels.runtime().real)
+    s, coarsen, factorise = stages(kernels.f32, False), coarsening(kernels.f32, False), direct_stages().factorise
+
+    @kernels.func
+    def build_coarser(
+        coarse: Coarse, diagonal: Reals, scratch: Scratch, table: Rows, first: i32, rows: i32, slots: i32,  # type: ignore[valid-type]
+    ):  # fmt: skip
+        k = first
+        searching = 1
+        while searching == 1 and table[DEPTH] == k + 1 and table[OVERFLOW] == 0 and k < LEVELS:
+            if factorise(coarse, table, k) == 1:
+                searching = 0
+            else:
+                s.zero(0, 1, scratch.cursor, s.cells(table, k), 0)
+                s.place(0, 1, coarse, table[2 * k], table[2 * k + 1], k, scratch, table)
+                coarsen(coarse, diagonal, coarse, scratch, table, k, rows, slots)
+                k += 1
+
+    return build_coarser
+
+
 BEHIND_DEPTH = 256
 """What is lacking, in what the kernel in one thread returns, is multiplied by this, to stand beside the depth."""
 
@@ -65,9 +92,7 @@ def build_in_one_thread(d: int, value: Any) -> Any:
     Level, Coarse, Scratch = level_type(value), level_type(f32), scratch_type()
     Rows, Reals, Vectors = (kernels.array_type(t) for t in (i32, real, kernels.vector(d)))
     s, p = stages(f32, False), particle_stages(d, value)
-    coarsen = coarsening(f32, False)
-
-    first = coarsening(value, True)
+    first, build_coarser = coarsening(value, True), coarser_levels()
 
     @kernels.kernel
     def build_levels(
@@ -81,12 +106,7 @@ def build_in_one_thread(d: int, value: Any) -> Any:
             s.zero(0, 1, scratch.cursor, s.cells(table, 0), 0)
             p.place_particles(0, 1, level, diagonal, position, state, low, scratch.sums, scratch, table, cell, count)
             first(level, diagonal, coarse, scratch, table, 0, rows, slots)
-            k = 1
-            while table[DEPTH] == k + 1 and table[OVERFLOW] == 0 and k < LEVELS:
-                s.zero(0, 1, scratch.cursor, s.cells(table, k), 0)
-                s.place(0, 1, coarse, table[2 * k], table[2 * k + 1], k, scratch, table)
-                coarsen(coarse, diagonal, coarse, scratch, table, k, rows, slots)
-                k += 1
+            build_coarser(coarse, diagonal, scratch, table, 1, rows, slots)
         return table[DEPTH] + BEHIND_DEPTH * table[OVERFLOW]
 
     return build_levels
@@ -100,7 +120,7 @@ def build_with_threads(d: int, value: Any) -> tuple[Any, Any, Any]:
     Level, Coarse, Scratch = level_type(value), level_type(f32), scratch_type()
     Rows, Reals, Vectors = (kernels.array_type(t) for t in (i32, real, kernels.vector(d)))
     s, p = stages(f32, False), particle_stages(d, value)
-    f, coarsen = stages(value, True), coarsening(f32, False)
+    f, build_coarser = stages(value, True), coarser_levels()
     parts, combined = blocks(), stretches()
 
     @kernels.func
@@ -130,6 +150,7 @@ def build_with_threads(d: int, value: Any) -> tuple[Any, Any, Any]:
         qd.loop_config(block_dim=1)
         for b in range(parts):
             p.survey(b, parts, position, state, low, high, scratch.sums, count)
+        qd.loop_config(serialize=True)
         for _ in range(1):
             p.grid(parts, low, high, scratch.sums, table, cell, most)
         qd.loop_config(block_dim=1)
@@ -140,6 +161,7 @@ def build_with_threads(d: int, value: Any) -> tuple[Any, Any, Any]:
             p.place_particles(
                 b, parts, level, diagonal, position, state, low, scratch.sums, scratch, table, cell, count
             )
+        qd.loop_config(serialize=True)
         for _ in range(1):
             s.scan(s.cells(table, 0), scratch.cursor, scratch.begin)
         qd.loop_config(block_dim=1)
@@ -148,6 +170,7 @@ def build_with_threads(d: int, value: Any) -> tuple[Any, Any, Any]:
         qd.loop_config(block_dim=1)
         for b in range(parts):
             f.split(b, parts, level, 0, s.cells(table, 0), 0, scratch)
+        qd.loop_config(serialize=True)
         for _ in range(1):
             enter(table, 0, s.scan(s.cells(table, 0), scratch.cursor, scratch.base), rows)
         qd.loop_config(block_dim=1)
@@ -157,6 +180,7 @@ def build_with_threads(d: int, value: Any) -> tuple[Any, Any, Any]:
         qd.loop_config(block_dim=1)
         for b in range(combined):
             f.combine(b, combined, level, diagonal, 0, coarse, 0, table[3], 0, room(table, slots), scratch, table)
+        qd.loop_config(serialize=True)
         for _ in range(1):
             table[SLOTS] += room(table, slots)
 
@@ -170,6 +194,7 @@ def build_with_threads(d: int, value: Any) -> tuple[Any, Any, Any]:
         qd.loop_config(block_dim=1)
         for b in range(parts):
             s.place(b, parts, coarse, table[2 * k], table[2 * k + 1], k, scratch, table)
+        qd.loop_config(serialize=True)
         for _ in range(1):
             s.scan(s.cells(table, k), scratch.cursor, scratch.begin)
         qd.loop_config(block_dim=1)
@@ -178,6 +203,7 @@ def build_with_threads(d: int, value: Any) -> tuple[Any, Any, Any]:
         qd.loop_config(block_dim=1)
         for b in range(parts):
             s.split(b, parts, coarse, table[2 * k], s.cells(table, k), 1, scratch)
+        qd.loop_config(serialize=True)
         for _ in range(1):
             enter(table, k, s.scan(s.cells(table, k), scratch.cursor, scratch.base), rows)
         qd.loop_config(block_dim=1)
@@ -190,6 +216,7 @@ def build_with_threads(d: int, value: Any) -> tuple[Any, Any, Any]:
                 b, combined, coarse, diagonal, table[2 * k], coarse, table[2 * k + 2], table[2 * k + 3],
                 table[SLOTS], room(table, slots), scratch, table,
             )  # fmt: skip
+        qd.loop_config(serialize=True)
         for _ in range(1):
             table[SLOTS] += room(table, slots)
 
@@ -199,11 +226,6 @@ def build_with_threads(d: int, value: Any) -> tuple[Any, Any, Any]:
     ):  # fmt: skip
         qd.loop_config(serialize=True)
         for _ in range(1):
-            k = first
-            while table[DEPTH] == k + 1 and table[OVERFLOW] == 0 and k < LEVELS:
-                s.zero(0, 1, scratch.cursor, s.cells(table, k), 0)
-                s.place(0, 1, coarse, table[2 * k], table[2 * k + 1], k, scratch, table)
-                coarsen(coarse, diagonal, coarse, scratch, table, k, rows, slots)
-                k += 1
+            build_coarser(coarse, diagonal, scratch, table, first, rows, slots)
 
     return build_first, build_next, build_rest

@@ -8,7 +8,7 @@ from pydantic import Field as Parameter
 
 from spume import kernels
 from spume.particles import Particles
-from spume.pressure import aggregation, cycle, levels
+from spume.pressure import aggregation, coarsest, cycle, levels
 from spume.pressure.base import NotConverged, Solution, Solver
 from spume.pressure.bicgstab import StabilisedBiconjugateGradient
 from spume.pressure.conjugate_gradient import ConjugateGradient, floor, solution
@@ -38,7 +38,7 @@ class Multigrid(Solver, name="multigrid"):
     patience: int = Parameter(default=100, ge=1)
     """Iterations after which plain conjugate gradients take over [1]."""
     inner_levels: int = Parameter(default=20, ge=0)
-    """Coarse levels that are solved by two inner iterations; the levels below by one cycle [1]."""
+    """Coarse levels that may be solved by two inner iterations; the levels below are by one cycle [1]."""
 
     def __call__(self, system: LinearSystem, particles: Particles) -> Solution:
         """Solve for the unknown rows of ``pressure``.
@@ -70,7 +70,7 @@ class _Workspace:
         self._capacity = self._rows = self._slots = 0
         self._table = kernels.array(kernels.i32, aggregation.TABLE)
         self._operations = kernels.array(kernels.i32, 8)
-        self._program: tuple[int, int] = (-1, -1)
+        self._program: tuple[int, frozenset[int]] = (-1, frozenset())
         self._length = 0
         self._steps: list[tuple[int, int]] = []
         self._scalars = kernels.array(self._real, cycle.SCALARS + 4 * (aggregation.LEVELS + 1))
@@ -180,8 +180,8 @@ class _Workspace:
         for index, (operation, k) in enumerate(self._steps):
             last = k + 1 == table[aggregation.DEPTH]
             if aggregation.blocks(int(table[2 * k + 1])) > 1 and not last:
-                # ``descend`` smooths and restricts, ``ascend`` corrects and polishes.
-                if operation not in (cycle.SMOOTH, cycle.POLISH):
+                # ``descend`` restricts, ``ascend`` corrects and polishes.
+                if operation != cycle.POLISH:
                     found.append((operation, k, index, index + 1))
             elif found and found[-1][0] == cycle.RUN:
                 found[-1] = (cycle.RUN, k, found[-1][2], index + 1)
@@ -189,7 +189,8 @@ class _Workspace:
                 found.append((cycle.RUN, k, index, index + 1))
         return found
 
-    def _plan(self, depth: int, inner: int) -> None:
+    def _plan(self, depth: int, most: int) -> None:
+        inner = cycle.inner_levels(kernels.host(self._table)[3 : 2 * depth : 2].tolist(), most)
         if self._program == (depth, inner):
             return
         self._steps = cycle.program(depth, inner)
@@ -217,6 +218,7 @@ class _Workspace:
             value=kernels.array(kernels.f32, self._slots),
             **{n: kernels.array(kernels.i32, self._rows) for n in integers},
             **{n: kernels.array(kernels.f32, self._rows) for n in singles},
+            band=kernels.array(self._real, coarsest.room()),
         )
         self._scratch = aggregation.scratch_type()(
             **{n: kernels.array(kernels.i32, self._cells + 2) for n in ("begin", "cursor", "base")},
@@ -230,7 +232,7 @@ class _Workspace:
         unused, no_rows = mine["new"], mine["member"]
         return aggregation.level_type(system.real)(
             **mine, start=system.start, length=particles[system.length], column=system.column, value=system.value,
-            first=no_rows, last=no_rows, cell=no_rows, excess=unused, image=unused, kept=unused,
+            first=no_rows, last=no_rows, cell=no_rows, excess=unused, image=unused, kept=unused, band=self._image,
         )  # fmt: skip
 
 
