@@ -1,11 +1,12 @@
-"""Iterations of the pressure solver over the size of the system: on computed states of the dam break, then generated ones.
+"""Iterations of the pressure solver over the size of the system: states of the dam break, generated systems.
 
-    python benchmarks/iteration_counts.py [--spacings-2d 0.008 …] [--spacings-3d 0.02 …] [--times 0.02 0.45 0.8]
-        [--sizes 1e4 1e5 1e6] [--repeats 3] [--json FILE] [--figure FILE]
+    python benchmarks/iteration_counts.py [--spacings-2d 0.008 …] [--spacings-3d 0.02 …] [--times 0.02 0.42 0.7]
+        [--sizes 1e4 1e5 1e6] [--repeats 3] [--json FILE] [--figure FILE] [--from FILE …]
 
-From a zero start to a relative residual of 1e-6. The dam break is run with its own settings; at each instant the matrix and
-right side of the last step are solved once more, from zero, and the pressure is put back. A solve costs as many products of
-the matrix with a vector as its time, set-up included, is that of one. `--from FILE` judges and draws what was found before.
+From a zero start to a relative residual of 1e-6. The dam break runs with its own settings; at each instant the matrix
+and right side of the last step are solved once more, from zero, and the pressure is put back. What a solve costs, its
+set-up included, is given as so many products of the matrix with a vector. With ``--from``, results are judged and drawn
+that were found before.
 """
 
 import argparse
@@ -113,7 +114,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--spacings-2d", type=float, nargs="*", default=[0.008, 0.004, 0.002])
     parser.add_argument("--spacings-3d", type=float, nargs="*", default=[0.02, 0.014, 0.01])
-    parser.add_argument("--times", type=float, nargs=3, default=[0.02, 0.45, 0.8], help="of " + ", ".join(INSTANTS))
+    parser.add_argument("--times", type=float, nargs=3, default=[0.02, 0.42, 0.7], help="of " + ", ".join(INSTANTS))
     parser.add_argument("--sizes", type=float, nargs="*", default=[1e4, 1e5, 1e6])
     parser.add_argument("--dimensions", type=int, nargs="*", default=[2, 3], choices=[2, 3], help="of generated ones")
     parser.add_argument("--threads", type=int, default=1)

@@ -7,6 +7,7 @@ iterations and half a product less, but their short dependent loops made an iter
 """
 
 from collections.abc import Collection, Sequence
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
@@ -36,7 +37,7 @@ def inner_levels(rows: Sequence[int], most: int) -> frozenset[int]:
         rows: of each coarse level.
         most: number of coarse levels that may be among them, the finest first.
     """
-    pairs = list(zip(rows, rows[1:], strict=False))[:most]
+    pairs = list(pairwise(rows))[:most]
     return frozenset(level for level, (own, next_) in enumerate(pairs, 1) if next_ <= SHRINKING * own)
 
 
