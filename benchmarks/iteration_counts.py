@@ -62,7 +62,8 @@ def verdict(results: list[dict[str, Any]]) -> list[str]:
         most = max(mine, key=lambda r: r["iterations"])
         within = sum(r["iterations"] <= GOAL for r in mine)
         lines.append(
-            f"{d}D: at most {most['iterations']} iterations ({most['arrangement']}, {most['rows']:,} rows), must {MUST}: "
+            f"{d}D: at most {most['iterations']} iterations ({most['arrangement']}, {most['rows']:,} rows), must "
+            f"{MUST}: "
             f"{'reached' if most['iterations'] <= MUST else 'missed'}; goal {GOAL} reached by {within} of {len(mine)}"
         )
         for name in dict.fromkeys(r["arrangement"] for r in mine):

@@ -1,4 +1,4 @@
-"""One thread and two: the same pressure to the tolerance, the same motion, and the same bits whenever it is run again."""
+"""One thread and two: the same pressure to the tolerance, the same motion, and the same bits when run again."""
 
 import numpy as np
 import pytest
