@@ -179,6 +179,17 @@ def light(rows: int) -> bool:
     return runtime().serial or (runtime().device == "cpu" and rows < 120_000)
 
 
+def spread(parts: int) -> int:
+    """Return how many iterations a loop over so many long parts must have for each of them, for all threads to work.
+
+    The kernel language hands a thread 512 iterations at a time, whatever the ``block_dim``: a loop over fewer parts
+    would run on one thread alone. So ``for t in range(parts * spread)`` does part t // spread where t % spread == 0.
+    """
+    if runtime().device != "cpu" or runtime().serial:
+        return 1
+    return max(1, 512 * min(parts, 8 * runtime().threads) // parts)
+
+
 def initialize(device: str | None = None, threads: int | None = None, precision: str = "double") -> Runtime:
     """Choose device, threads and precision; return what was chosen.
 

@@ -439,24 +439,27 @@ def _largest_kernel(d: int) -> Any:
     real = kernels.runtime().real
     Vectors, Rows, Reals = (kernels.array_type(t) for t in (kernels.vector(d), kernels.i32, real))
     serial, qd, blocks = kernels.runtime().serial, kernels.qd, _REDUCTION_BLOCKS
+    spread = kernels.spread(blocks)
     huge = float(np.finfo(kernels.runtime().dtype).max)
 
     @kernels.kernel
     def largest(field: Vectors, kind: Rows, partial: Reals, kinds: kernels.i32, count: kernels.i32):
         qd.loop_config(serialize=serial)
-        for b in range(blocks):
-            found = qd.cast(0, real)
-            for i in range(
-                qd.cast(qd.cast(count, qd.i64) * b // blocks, qd.i32),
-                qd.cast(qd.cast(count, qd.i64) * (b + 1) // blocks, qd.i32),
-            ):
-                if kind[i] & kinds != 0:
-                    square = field[i].dot(field[i])
-                    # NaN must win, but it would vanish in max().
-                    if not (square < huge):
-                        square = huge
-                    found = qd.max(found, square)
-            partial[b] = found
+        for t in range(blocks * spread):
+            if t % spread == 0:
+                b = t // spread
+                found = qd.cast(0, real)
+                for i in range(
+                    qd.cast(qd.cast(count, qd.i64) * b // blocks, qd.i32),
+                    qd.cast(qd.cast(count, qd.i64) * (b + 1) // blocks, qd.i32),
+                ):
+                    if kind[i] & kinds != 0:
+                        square = field[i].dot(field[i])
+                        # NaN must win, but it would vanish in max().
+                        if not (square < huge):
+                            square = huge
+                        found = qd.max(found, square)
+                partial[b] = found
 
     return largest
 
@@ -466,19 +469,22 @@ def _total_kernel(integer: bool) -> Any:
     real = kernels.runtime().real
     Values, Rows, Reals = (kernels.array_type(t) for t in (kernels.i32 if integer else real, kernels.i32, real))
     serial, qd, blocks = kernels.runtime().serial, kernels.qd, _REDUCTION_BLOCKS
+    spread = kernels.spread(blocks)
 
     @kernels.kernel
     def total(field: Values, kind: Rows, partial: Reals, kinds: kernels.i32, count: kernels.i32):
         qd.loop_config(serialize=serial)
-        for b in range(blocks):
-            s = qd.cast(0, real)
-            for i in range(
-                qd.cast(qd.cast(count, qd.i64) * b // blocks, qd.i32),
-                qd.cast(qd.cast(count, qd.i64) * (b + 1) // blocks, qd.i32),
-            ):
-                if kind[i] & kinds != 0:
-                    s += field[i]
-            partial[b] = s
+        for t in range(blocks * spread):
+            if t % spread == 0:
+                b = t // spread
+                s = qd.cast(0, real)
+                for i in range(
+                    qd.cast(qd.cast(count, qd.i64) * b // blocks, qd.i32),
+                    qd.cast(qd.cast(count, qd.i64) * (b + 1) // blocks, qd.i32),
+                ):
+                    if kind[i] & kinds != 0:
+                        s += field[i]
+                partial[b] = s
 
     return total
 
@@ -488,22 +494,25 @@ def _extreme_kernel(largest: bool) -> Any:
     real = kernels.runtime().real
     Values, Rows = (kernels.array_type(t) for t in (real, kernels.i32))
     serial, qd, blocks = kernels.runtime().serial, kernels.qd, _REDUCTION_BLOCKS
+    spread = kernels.spread(blocks)
     huge = float(np.finfo(kernels.runtime().dtype).max) * (-1.0 if largest else 1.0)
 
     @kernels.kernel
     def extreme(field: Values, kind: Rows, partial: Values, kinds: kernels.i32, count: kernels.i32):
         qd.loop_config(serialize=serial)
-        for b in range(blocks):
-            found = qd.cast(huge, real)
-            for i in range(
-                qd.cast(qd.cast(count, qd.i64) * b // blocks, qd.i32),
-                qd.cast(qd.cast(count, qd.i64) * (b + 1) // blocks, qd.i32),
-            ):
-                if kind[i] & kinds != 0:
-                    if kernels.static(largest):
-                        found = qd.max(found, field[i])
-                    else:
-                        found = qd.min(found, field[i])
-            partial[b] = found
+        for t in range(blocks * spread):
+            if t % spread == 0:
+                b = t // spread
+                found = qd.cast(huge, real)
+                for i in range(
+                    qd.cast(qd.cast(count, qd.i64) * b // blocks, qd.i32),
+                    qd.cast(qd.cast(count, qd.i64) * (b + 1) // blocks, qd.i32),
+                ):
+                    if kind[i] & kinds != 0:
+                        if kernels.static(largest):
+                            found = qd.max(found, field[i])
+                        else:
+                            found = qd.min(found, field[i])
+                partial[b] = found
 
     return extreme

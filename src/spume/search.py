@@ -294,7 +294,7 @@ class NeighbourList:
         return int(kernels.host(self._flag)[0]) <= self._slots_per_block
 
 
-_SCAN_BLOCKS = 256
+_SCAN_BLOCKS, _MANY_BLOCKS = 256, 512
 
 
 def _types(d: int) -> tuple[Any, Any, Any, Any]:
@@ -486,8 +486,7 @@ def _scan_kernel(serial: bool) -> Any:
 
 @kernels.cached
 def _scatter_kernel(serial: bool) -> Any:
-    _, Rows, _, _ = _types(2)
-    qd = kernels.qd
+    (_, Rows, _, _), qd = _types(2), kernels.qd
 
     @kernels.kernel
     def scatter(
@@ -521,8 +520,7 @@ def _scatter_kernel(serial: bool) -> Any:
 @kernels.cached
 def _list_kernel(d: int, periodic: tuple[bool, ...]) -> Any:
     """Generate the walk over cell rows; a cell row is a contiguous range of table rows."""
-    Vectors, Rows, Starts, real = _types(d)
-    axes = range(d)
+    (Vectors, Rows, Starts, real), axes, spread = _types(d), range(d), kernels.spread(_MANY_BLOCKS)
     parameters = [f"origin{k}: real" for k in axes] + [f"size{k}: real" for k in axes]
     parameters += [f"shape{k}: qd.i32" for k in axes] + [f"period{k}: real" for k in axes]
     m = _CELLS_PER_REACH
@@ -573,10 +571,12 @@ def _list_kernel(d: int, periodic: tuple[bool, ...]) -> Any:
         "         flag: Rows, count: qd.i32, rows_per_block: qd.i32, slots: qd.i32, reach: real,",
         f"         {', '.join(parameters)}):",
         "    qd.loop_config(serialize=serial)",
-        "    for block in range((count + rows_per_block - 1) // rows_per_block):",
+        f"    for t in range((count + rows_per_block - 1) // rows_per_block * {spread}):",
+        f"        block = t // {spread}",
         "        first = qd.cast(block, qd.i64) * slots",
         "        used = 0",
-        "        for i in range(block * rows_per_block, qd.min((block + 1) * rows_per_block, count)):",
+        "        beyond = qd.min((block + 1) * rows_per_block, count)",
+        f"        for i in range(block * rows_per_block, qd.select(t % {spread} == 0, beyond, 0)):",
         "            before = used",
         "            start[i] = first + used",
         "            length[i] = 0",

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from spume import kernels
-from spume.pressure.aggregation import BAND, level_type, stages
+from spume.pressure.aggregation import BAND, blocks, level_type, stages
 from spume.pressure.base import START_SHARE
 from spume.pressure.coarsest import direct_stages
 
@@ -399,6 +399,7 @@ def parallel_kernels(symmetric: bool, value: Any) -> Any:
     qd, real = kernels.qd, kernels.runtime().real
     i32 = kernels.i32
     Level, Coarse = level_type(value), level_type(kernels.f32)
+    spread = kernels.spread(blocks())
     Reals, Rows = kernels.array_type(real), kernels.array_type(i32)
     c = cycle_stages(symmetric, kernels.f32)
     f, o, run = cycle_stages(symmetric, value), outer_stages(symmetric, value), run_function(symmetric)
@@ -409,8 +410,10 @@ def parallel_kernels(symmetric: bool, value: Any) -> Any:
         scalars: Reals, floor: real, n: i32, parts: i32,  # type: ignore[valid-type]
     ):  # fmt: skip
         qd.loop_config(block_dim=1)
-        for b in range(parts):
-            o.residual(b, parts, level, diagonal, x, rhs, r, p, q, partial, floor, n)
+        for t in range(parts * spread):
+            if t % spread == 0:
+                b = t // spread
+                o.residual(b, parts, level, diagonal, x, rhs, r, p, q, partial, floor, n)
         qd.loop_config(serialize=True)
         for _ in range(1):
             o.begin(parts, partial, scalars)
@@ -418,20 +421,28 @@ def parallel_kernels(symmetric: bool, value: Any) -> Any:
     @kernels.kernel
     def descend_finest(level: Level, n: i32, coarse: Coarse, n_coarse: i32, parts: i32):  # type: ignore[no-untyped-def, valid-type]
         qd.loop_config(block_dim=1)
-        for b in range(parts):
-            f.leave(b, parts, level, 0, n)
+        for t in range(parts * spread):
+            if t % spread == 0:
+                b = t // spread
+                f.leave(b, parts, level, 0, n)
         qd.loop_config(block_dim=1)
-        for b in range(parts):
-            f.restrict(b, parts, level, 0, coarse, 0, n_coarse)
+        for t in range(parts * spread):
+            if t % spread == 0:
+                b = t // spread
+                f.restrict(b, parts, level, 0, coarse, 0, n_coarse)
 
     @kernels.kernel
     def ascend_finest(level: Level, n: i32, coarse: Coarse, parts: i32):  # type: ignore[no-untyped-def, valid-type]
         qd.loop_config(block_dim=1)
-        for b in range(parts):
-            f.correct(b, parts, level, 0, n, coarse, 0)
+        for t in range(parts * spread):
+            if t % spread == 0:
+                b = t // spread
+                f.correct(b, parts, level, 0, n, coarse, 0)
         qd.loop_config(block_dim=1)
-        for b in range(parts):
-            f.polish(b, parts, level, 0, n)
+        for t in range(parts * spread):
+            if t % spread == 0:
+                b = t // spread
+                f.polish(b, parts, level, 0, n)
 
     @kernels.kernel
     def advance(
@@ -439,14 +450,18 @@ def parallel_kernels(symmetric: bool, value: Any) -> Any:
         scalars: Reals, n: i32, parts: i32,  # type: ignore[valid-type]
     ):  # fmt: skip
         qd.loop_config(block_dim=1)
-        for b in range(parts):
-            o.products(b, parts, level, diagonal, r, q, image, partial, n)
+        for t in range(parts * spread):
+            if t % spread == 0:
+                b = t // spread
+                o.products(b, parts, level, diagonal, r, q, image, partial, n)
         qd.loop_config(serialize=True)
         for _ in range(1):
             o.decide(parts, partial, scalars)
         qd.loop_config(block_dim=1)
-        for b in range(parts):
-            o.advance(b, parts, level, x, r, p, q, image, partial, scalars, n)
+        for t in range(parts * spread):
+            if t % spread == 0:
+                b = t // spread
+                o.advance(b, parts, level, x, r, p, q, image, partial, scalars, n)
         qd.loop_config(serialize=True)
         for _ in range(1):
             scalars[REST] = c.total(partial, parts, 0)
@@ -454,44 +469,60 @@ def parallel_kernels(symmetric: bool, value: Any) -> Any:
     @kernels.kernel
     def descend(coarse: Coarse, at: i32, n: i32, to: i32, n_coarse: i32, parts: i32):  # type: ignore[no-untyped-def, valid-type]
         qd.loop_config(block_dim=1)
-        for b in range(parts):
-            c.leave(b, parts, coarse, at, n)
+        for t in range(parts * spread):
+            if t % spread == 0:
+                b = t // spread
+                c.leave(b, parts, coarse, at, n)
         qd.loop_config(block_dim=1)
-        for b in range(parts):
-            c.restrict(b, parts, coarse, at, coarse, to, n_coarse)
+        for t in range(parts * spread):
+            if t % spread == 0:
+                b = t // spread
+                c.restrict(b, parts, coarse, at, coarse, to, n_coarse)
 
     @kernels.kernel
     def ascend(coarse: Coarse, at: i32, n: i32, to: i32, parts: i32):  # type: ignore[no-untyped-def, valid-type]
         qd.loop_config(block_dim=1)
-        for b in range(parts):
-            c.correct(b, parts, coarse, at, n, coarse, to)
+        for t in range(parts * spread):
+            if t % spread == 0:
+                b = t // spread
+                c.correct(b, parts, coarse, at, n, coarse, to)
         qd.loop_config(block_dim=1)
-        for b in range(parts):
-            c.polish(b, parts, coarse, at, n)
+        for t in range(parts * spread):
+            if t % spread == 0:
+                b = t // spread
+                c.polish(b, parts, coarse, at, n)
 
     @kernels.kernel
     def first(level: Coarse, at: i32, n: i32, number: i32, partial: Reals, scalars: Reals, parts: i32):  # type: ignore[no-untyped-def, valid-type]
         qd.loop_config(block_dim=1)
-        for b in range(parts):
-            c.first_products(b, parts, level, at, n, partial)
+        for t in range(parts * spread):
+            if t % spread == 0:
+                b = t // spread
+                c.first_products(b, parts, level, at, n, partial)
         qd.loop_config(serialize=True)
         for _ in range(1):
             c.first_scalars(parts, number, partial, scalars)
         qd.loop_config(block_dim=1)
-        for b in range(parts):
-            c.first_step(b, parts, level, at, n, number, scalars)
+        for t in range(parts * spread):
+            if t % spread == 0:
+                b = t // spread
+                c.first_step(b, parts, level, at, n, number, scalars)
 
     @kernels.kernel
     def second(level: Coarse, at: i32, n: i32, number: i32, partial: Reals, scalars: Reals, parts: i32):  # type: ignore[no-untyped-def, valid-type]
         qd.loop_config(block_dim=1)
-        for b in range(parts):
-            c.second_products(b, parts, level, at, n, partial)
+        for t in range(parts * spread):
+            if t % spread == 0:
+                b = t // spread
+                c.second_products(b, parts, level, at, n, partial)
         qd.loop_config(serialize=True)
         for _ in range(1):
             c.second_scalars(parts, number, partial, scalars)
         qd.loop_config(block_dim=1)
-        for b in range(parts):
-            c.second_step(b, parts, level, at, n, number, scalars)
+        for t in range(parts * spread):
+            if t % spread == 0:
+                b = t // spread
+                c.second_step(b, parts, level, at, n, number, scalars)
 
     @kernels.kernel
     def run_part(operations: Rows, begin: i32, end: i32, coarse: Coarse, table: Rows, partial: Reals, scalars: Reals):  # type: ignore[no-untyped-def, valid-type]

@@ -122,6 +122,7 @@ def build_with_threads(d: int, value: Any) -> tuple[Any, Any, Any]:
     s, p = stages(f32, False), particle_stages(d, value)
     f, build_coarser = stages(value, True), coarser_levels()
     parts, combined = blocks(), stretches()
+    spread, spread_combined = kernels.spread(parts), kernels.spread(combined)
 
     @kernels.func
     def enter(table: Rows, k: i32, found: i32, rows: i32):  # type: ignore[no-untyped-def, valid-type]
@@ -148,38 +149,52 @@ def build_with_threads(d: int, value: Any) -> tuple[Any, Any, Any]:
         position: Vectors, state: Rows, cell: real, count: i32, rows: i32, slots: i32, most: i32,  # type: ignore[valid-type]
     ):  # fmt: skip
         qd.loop_config(block_dim=1)
-        for b in range(parts):
-            p.survey(b, parts, position, state, low, high, scratch.sums, count)
+        for t in range(parts * spread):
+            if t % spread == 0:
+                b = t // spread
+                p.survey(b, parts, position, state, low, high, scratch.sums, count)
         qd.loop_config(serialize=True)
         for _ in range(1):
             p.grid(parts, low, high, scratch.sums, table, cell, most)
         qd.loop_config(block_dim=1)
-        for b in range(parts):
-            s.zero(b, parts, scratch.cursor, s.cells(table, 0), 0)
+        for t in range(parts * spread):
+            if t % spread == 0:
+                b = t // spread
+                s.zero(b, parts, scratch.cursor, s.cells(table, 0), 0)
         qd.loop_config(block_dim=1)
-        for b in range(parts):
-            p.place_particles(
-                b, parts, level, diagonal, position, state, low, scratch.sums, scratch, table, cell, count
-            )
+        for t in range(parts * spread):
+            if t % spread == 0:
+                b = t // spread
+                p.place_particles(
+                    b, parts, level, diagonal, position, state, low, scratch.sums, scratch, table, cell, count
+                )
         qd.loop_config(serialize=True)
         for _ in range(1):
             s.scan(s.cells(table, 0), scratch.cursor, scratch.begin)
         qd.loop_config(block_dim=1)
-        for b in range(parts):
-            f.scatter(b, parts, level, 0, table[1], scratch)
+        for t in range(parts * spread):
+            if t % spread == 0:
+                b = t // spread
+                f.scatter(b, parts, level, 0, table[1], scratch)
         qd.loop_config(block_dim=1)
-        for b in range(parts):
-            f.split(b, parts, level, 0, s.cells(table, 0), 0, scratch)
+        for t in range(parts * spread):
+            if t % spread == 0:
+                b = t // spread
+                f.split(b, parts, level, 0, s.cells(table, 0), 0, scratch)
         qd.loop_config(serialize=True)
         for _ in range(1):
             enter(table, 0, s.scan(s.cells(table, 0), scratch.cursor, scratch.base), rows)
         qd.loop_config(block_dim=1)
-        for b in range(parts):
-            if table[OVERFLOW] == 0:
-                f.number(b, parts, level, 0, coarse, 0, s.cells(table, 0), scratch)
+        for t in range(parts * spread):
+            if t % spread == 0:
+                b = t // spread
+                if table[OVERFLOW] == 0:
+                    f.number(b, parts, level, 0, coarse, 0, s.cells(table, 0), scratch)
         qd.loop_config(block_dim=1)
-        for b in range(combined):
-            f.combine(b, combined, level, diagonal, 0, coarse, 0, table[3], 0, room(table, slots), scratch, table)
+        for t in range(combined * spread_combined):
+            if t % spread_combined == 0:
+                b = t // spread_combined
+                f.combine(b, combined, level, diagonal, 0, coarse, 0, table[3], 0, room(table, slots), scratch, table)
         qd.loop_config(serialize=True)
         for _ in range(1):
             table[SLOTS] += room(table, slots)
@@ -189,33 +204,45 @@ def build_with_threads(d: int, value: Any) -> tuple[Any, Any, Any]:
         coarse: Coarse, diagonal: Reals, scratch: Scratch, table: Rows, k: i32, rows: i32, slots: i32,  # type: ignore[valid-type]
     ):  # fmt: skip
         qd.loop_config(block_dim=1)
-        for b in range(parts):
-            s.zero(b, parts, scratch.cursor, s.cells(table, k), 0)
+        for t in range(parts * spread):
+            if t % spread == 0:
+                b = t // spread
+                s.zero(b, parts, scratch.cursor, s.cells(table, k), 0)
         qd.loop_config(block_dim=1)
-        for b in range(parts):
-            s.place(b, parts, coarse, table[2 * k], table[2 * k + 1], k, scratch, table)
+        for t in range(parts * spread):
+            if t % spread == 0:
+                b = t // spread
+                s.place(b, parts, coarse, table[2 * k], table[2 * k + 1], k, scratch, table)
         qd.loop_config(serialize=True)
         for _ in range(1):
             s.scan(s.cells(table, k), scratch.cursor, scratch.begin)
         qd.loop_config(block_dim=1)
-        for b in range(parts):
-            s.scatter(b, parts, coarse, table[2 * k], table[2 * k + 1], scratch)
+        for t in range(parts * spread):
+            if t % spread == 0:
+                b = t // spread
+                s.scatter(b, parts, coarse, table[2 * k], table[2 * k + 1], scratch)
         qd.loop_config(block_dim=1)
-        for b in range(parts):
-            s.split(b, parts, coarse, table[2 * k], s.cells(table, k), 1, scratch)
+        for t in range(parts * spread):
+            if t % spread == 0:
+                b = t // spread
+                s.split(b, parts, coarse, table[2 * k], s.cells(table, k), 1, scratch)
         qd.loop_config(serialize=True)
         for _ in range(1):
             enter(table, k, s.scan(s.cells(table, k), scratch.cursor, scratch.base), rows)
         qd.loop_config(block_dim=1)
-        for b in range(parts):
-            if table[OVERFLOW] == 0:
-                s.number(b, parts, coarse, table[2 * k], coarse, table[2 * k + 2], s.cells(table, k), scratch)
+        for t in range(parts * spread):
+            if t % spread == 0:
+                b = t // spread
+                if table[OVERFLOW] == 0:
+                    s.number(b, parts, coarse, table[2 * k], coarse, table[2 * k + 2], s.cells(table, k), scratch)
         qd.loop_config(block_dim=1)
-        for b in range(combined):
-            s.combine(
-                b, combined, coarse, diagonal, table[2 * k], coarse, table[2 * k + 2], table[2 * k + 3],
-                table[SLOTS], room(table, slots), scratch, table,
-            )  # fmt: skip
+        for t in range(combined * spread_combined):
+            if t % spread_combined == 0:
+                b = t // spread_combined
+                s.combine(
+                    b, combined, coarse, diagonal, table[2 * k], coarse, table[2 * k + 2], table[2 * k + 3],
+                    table[SLOTS], room(table, slots), scratch, table,
+                )  # fmt: skip
         qd.loop_config(serialize=True)
         for _ in range(1):
             table[SLOTS] += room(table, slots)

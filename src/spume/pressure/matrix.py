@@ -258,7 +258,7 @@ def _assembly_kernel(
     Own, loading_own = load(signature, (*near, *own))
     Near, loading_near = load(signature, near)
     types = {n: kernels.value_type(shape, integer) for n, shape, integer in signature}
-    real = kernels.runtime().real
+    real, spread = kernels.runtime().real, kernels.spread(_stretches(1))
     scope: dict[str, Any] = {
         "Own": Own, "Near": Near, "coefficient": terms.coefficient, "weight": weight, "real": real,
         "serial": kernels.runtime().serial, "Vector": kernels.vector(d),
@@ -284,9 +284,10 @@ def _assembly_kernel(
     lines = [
         f"def assemble({', '.join(parameters)}):",
         "    qd.loop_config(serialize=serial, block_dim=1)" if kernels.runtime().device == "cpu" else "",
-        "    for part in range(parts):",
+        f"    for t in range(parts * {spread}):",
+        f"        part = t // {spread}",
         "        begin = qd.cast(qd.cast(count, qd.i64) * part // parts, qd.i32)",
-        "        end = qd.cast(qd.cast(count, qd.i64) * (part + 1) // parts, qd.i32)",
+        f"        end = qd.select(t % {spread} == 0, qd.cast(qd.cast(count, qd.i64) * (part + 1) // parts, qd.i32), 0)",
         "        cursor = out_start[begin]",
         "        for i in range(begin, end):",
         "            used = 0",

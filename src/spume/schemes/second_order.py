@@ -116,6 +116,7 @@ def _kernel(
     """
     runtime = kernels.runtime()
     real, parts, size = runtime.real, _blocks(), d * (d + 3) // 2
+    spread = kernels.spread(parts)
     triangle = size * (size + 1) // 2
     room = triangle + 2 * size
     outs = [("laplacian_vector", (size,))] * laplacian + [("gradient_vectors", (d, size))] * gradient
@@ -134,11 +135,12 @@ def _kernel(
     lines = [
         f"def second_order({', '.join(parameters)}):",
         "    qd.loop_config(block_dim=1)" if parts > 1 else "    qd.loop_config(serialize=True)",
-        f"    for b in range({parts}):",
+        f"    for t in range({parts} * {spread}):",
+        f"        b = t // {spread}",
         f"        at = b * {room}",
         f"        right = at + {triangle}",
         f"        for i in range(qd.cast(qd.cast(count, qd.i64) * b // {parts}, qd.i32),"
-        f" qd.cast(qd.cast(count, qd.i64) * (b + 1) // {parts}, qd.i32)):",
+        f" qd.select(t % {spread} == 0, qd.cast(qd.cast(count, qd.i64) * (b + 1) // {parts}, qd.i32), 0)):",
         f"            if kind[i] & {rows} != 0:",
         "                m = Moments(0.0)",
         "                x = position[i]",
