@@ -6,6 +6,7 @@ import scipy.sparse.linalg
 
 from arrangements import block, table
 from conftest import initialized
+from spume import kernels
 from spume.pressure import aggregation, cycle, multigrid
 from spume.pressure.base import NotConverged
 from spume.pressure.components import COMPONENT, Components
@@ -149,6 +150,23 @@ def test_drops_and_thin_walls(runtime):
     solution, pressure, direct = solved(particles, system, 1e-10)
     assert pressure == pytest.approx(direct(), abs=1e-6 * np.abs(pressure).max())
     assert solution.iterations <= 25
+
+
+def test_more_cells_than_there_is_room_for(runtime):
+    """Then far apart rows share a cell, but no aggregate: a pool with spray high above it."""
+    pool = block(2, 60, disturbance=0.1)
+    rng = np.random.default_rng(4)
+    spray = np.array([0.0, 30.0]) + np.stack(np.meshgrid(np.arange(6) * 1.0 - 3.0, np.arange(700) * 1.2), -1).reshape(
+        -1, 2
+    )
+    drops = (spray[:, None, :] + 0.1 * np.array([[0, 0], [1, 0], [0, 1], [1, 1]])).reshape(-1, 2)
+    position = np.vstack([pool, drops + rng.uniform(-0.01, 0.01, drops.shape)])
+    tied = np.concatenate([pool[:, 1] > pool[:, 1].max() - 0.1, np.ones(len(drops))])
+    particles, system = assembled(position, tied)
+    solution, pressure, direct = solved(particles, system, 1e-6)
+    assert kernels.host(multigrid._workspace(2)._table)[aggregation.WRAPPED] == 1
+    assert pressure == pytest.approx(direct(), abs=1e-3 * np.abs(pressure).max())
+    assert solution.iterations <= 15
 
 
 @pytest.mark.parametrize("periodic", [True, False], ids=["periodic", "closed"])

@@ -33,7 +33,8 @@ PARALLEL_ROWS = 10_000
 _COUNTERS = 2 * (LEVELS + 1)
 DEPTH, SLOTS, OVERFLOW, SHAPE = _COUNTERS, _COUNTERS + 1, _COUNTERS + 2, _COUNTERS + 3
 BAND = _COUNTERS + 6  # half the width of the coarsest level's band, -1 if that level is not solved directly
-TABLE = _COUNTERS + 7
+WRAPPED = _COUNTERS + 7  # 1 if rows that are far apart share a cell of the first level
+TABLE = _COUNTERS + 8
 TOO_FEW_ROWS, TOO_FEW_SLOTS = 1, 2
 
 
@@ -392,6 +393,7 @@ def particle_stages(d: int, value: Any) -> Any:
         table[SLOTS] = 0
         table[OVERFLOW] = 0
         table[BAND] = -1
+        table[WRAPPED] = 0
         for axis in range(3):
             table[SHAPE + axis] = 1
         for axis in kernels.static(range(d)):
@@ -403,6 +405,7 @@ def particle_stages(d: int, value: Any) -> Any:
                 if table[SHAPE + axis] > table[SHAPE + longest]:
                     longest = axis
             table[SHAPE + longest] = table[SHAPE + longest] // 2
+            table[WRAPPED] = 1
 
     @kernels.func
     def place_particles(

@@ -9,6 +9,7 @@ from spume.pressure.aggregation import (
     OVERFLOW,
     SLOTS,
     TOO_FEW_ROWS,
+    WRAPPED,
     blocks,
     level_type,
     particle_stages,
@@ -39,7 +40,7 @@ def coarsening(value: Any, finest: bool) -> Any:
         n = s.cells(table, k)
         s.scan(n, scratch.cursor, scratch.begin)
         s.scatter(0, 1, level, at, table[2 * k + 1], scratch)
-        s.split(0, 1, level, at, n, kernels.qd.min(k, 1), scratch)
+        s.split(0, 1, level, at, n, kernels.qd.max(kernels.qd.min(k, 1), table[WRAPPED]), scratch)
         found = s.scan(n, scratch.cursor, scratch.base)
         table[2 * k + 2] = to
         table[2 * k + 3] = found
@@ -180,7 +181,7 @@ def build_with_threads(d: int, value: Any) -> tuple[Any, Any, Any]:
         for t in range(parts * spread):
             if t % spread == 0:
                 b = t // spread
-                f.split(b, parts, level, 0, s.cells(table, 0), 0, scratch)
+                f.split(b, parts, level, 0, s.cells(table, 0), table[WRAPPED], scratch)
         qd.loop_config(serialize=True)
         for _ in range(1):
             enter(table, 0, s.scan(s.cells(table, 0), scratch.cursor, scratch.base), rows)
