@@ -36,6 +36,16 @@ class Lattice:
         """
         return _sums(weight, re, self.dimension)[0]
 
+    def missing(self, weight: Any, re: float) -> float:
+        """Return the share of n0 that a row on the flat surface of the arrangement misses [1].
+
+        Args:
+            weight: a ``Weight`` scheme.
+            re: effective radius as a multiple of l0.
+        """
+        level = _sums(weight, re, self.dimension - 1)[0]
+        return 0.5 * (1.0 - level / self.n0(weight, re))
+
     def lambda_(self, weight: Any, re: float) -> float:
         """Return lambda = sum_j r_j^2 W / sum_j W of the full arrangement [m^2] (Koshizuka & Oka 1996).
 

@@ -52,10 +52,10 @@ def _inverse_or_identity(a, moment, scale, largest_condition):  # type: ignore[n
     return inverse_or_identity(moment * scale, largest_condition)
 
 
-def _bounded_inverse(a, moment, scale, floor):  # type: ignore[no-untyped-def]
-    scaled = moment * scale
-    identity = identity_like(scaled)
-    scaled += a.surface_share * (identity - scaled)
+@kernels.func
+def floored_inverse(matrix, floor):  # type: ignore[no-untyped-def]
+    """Return the inverse of a symmetric matrix whose eigenvalues are raised to ``floor`` at least."""
+    scaled = matrix
     # Gershgorin's circles bound the eigenvalues at a tenth of the cost; only few rows come near the floor.
     bound = scaled[0, 0]
     for k in kernels.static(range(scaled.n)):
@@ -64,8 +64,18 @@ def _bounded_inverse(a, moment, scale, floor):  # type: ignore[no-untyped-def]
             beside += abs(scaled[k, m])
         bound = min(bound, scaled[k, k] - beside)
     if bound < floor:
-        scaled += max(floor - smallest_eigenvalue(scaled), 0.0) * identity
+        scaled += max(floor - smallest_eigenvalue(scaled), 0.0) * identity_like(scaled)
     return scaled.inverse()
+
+
+def _towards_identity(a, moment, scale, floor):  # type: ignore[no-untyped-def]
+    scaled = moment * scale
+    scaled += a.surface_share * (identity_like(scaled) - scaled)
+    return floored_inverse(scaled, floor)
+
+
+def _floored(a, moment, scale, floor):  # type: ignore[no-untyped-def]
+    return floored_inverse(moment * scale, floor)
 
 
 @pair_term(shape=("d", "d"), finish=_inverse_or_identity)
@@ -73,8 +83,13 @@ def moment(a, b, r, w, scale, limit):  # type: ignore[no-untyped-def]
     return r.outer_product(r) * (w / r.dot(r))
 
 
-@pair_term(reads=("surface_share",), shape=("d", "d"), finish=_bounded_inverse)
+@pair_term(reads=("surface_share",), shape=("d", "d"), finish=_towards_identity)
 def bounded_moment(a, b, r, w, scale, limit):  # type: ignore[no-untyped-def]
+    return r.outer_product(r) * (w / r.dot(r))
+
+
+@pair_term(shape=("d", "d"), finish=_floored)
+def floored_moment(a, b, r, w, scale, limit):  # type: ignore[no-untyped-def]
     return r.outer_product(r) * (w / r.dot(r))
 
 
@@ -110,6 +125,16 @@ def bounded_correction_matrix(
     neighbours multiplies a pressure difference by more than 1/floor.
     """
     _make(operator, lattice, particles, pairs, bounded_moment, over, rows, floor, ("position", "surface_share"))
+
+
+def floored_correction_matrix(
+    operator: Operator, lattice: Lattice, particles: Particles, pairs: Pairs, floor: float, rows: int = FLUID
+) -> None:
+    """Write C_i = M_i^-1 into ``correction``, the eigenvalues of M_i raised to ``floor`` at least.
+
+    Near the surface too: a flat one leaves the smallest eigenvalue at 0.5, which a floor up to that does not touch.
+    """
+    _make(operator, lattice, particles, pairs, floored_moment, ANY, rows, floor, ("position",))
 
 
 def _make(

@@ -1,22 +1,30 @@
 """Projection at the positions where the step starts: waves, sloshing, and the default."""
 
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 from spume.domain import Domain
 from spume.pairs import row_map
 from spume.particles import FLUID
+from spume.schemes.correction import CORRECTION
 from spume.schemes.divergence.base import Divergence
-from spume.schemes.divergence.blended import Blended as BlendedDivergence
-from spume.schemes.free_surface.base import FreeSurface
-from spume.schemes.free_surface.blended import Blended as BlendedSurface
+from spume.schemes.divergence.bounded import Bounded
+from spume.schemes.free_surface.base import SURFACE_SHARE, FreeSurface
+from spume.schemes.free_surface.imaged import Imaged as ImagedSurface
 from spume.schemes.gradient.base import Gradient
-from spume.schemes.gradient.completed import Completed
+from spume.schemes.gradient.imaged import Imaged
 from spume.schemes.laplacian.base import Laplacian
 from spume.schemes.laplacian.corrected_vector import CorrectedVector
+from spume.schemes.laplacian.distance import Distance
+from spume.schemes.number_density.base import NumberDensity
+from spume.schemes.number_density.base import Original as OriginalNumberDensity
 from spume.schemes.shifting.base import Shifting
-from spume.schemes.shifting.fickian import Fickian
+from spume.schemes.shifting.fickian_along_surface import FickianAlongSurface
 from spume.schemes.source.base import Source
 from spume.schemes.source.divergence_density import DivergenceDensity
+from spume.schemes.velocity_gradient import VELOCITY_GRADIENT, keep_volume
+from spume.schemes.viscosity.base import Viscosity
+from spume.schemes.viscosity.explicit import Explicit
+from spume.schemes.weight.quadratic import Quadratic
 from spume.steps.base import (
     Projection,
     accelerate,
@@ -39,19 +47,26 @@ class ProjectInPlace(Projection, name="project-in-place"):
     ids: ClassVar = ("A1",)
     reference: ClassVar = "cummins1999"
     instants: ClassVar = ("k",)
+    fields: ClassVar = (*Projection.fields, CORRECTION, VELOCITY_GRADIENT, SURFACE_SHARE)
 
-    free_surface: FreeSurface = BlendedSurface()
+    number_density: NumberDensity = OriginalNumberDensity(weight=Quadratic())
+    """Particle number density n."""
+    free_surface: FreeSurface = ImagedSurface()
     """Detection of the free surface."""
-    divergence: Divergence = BlendedDivergence()
+    viscosity: Viscosity = Explicit(laplacian=Distance())
+    """Viscosity."""
+    divergence: Divergence = Bounded()
     """Divergence of the predicted velocity."""
     laplacian: Laplacian = CorrectedVector(base="distance", correction="lagged")
     """Laplacian of the pressure matrix."""
-    gradient: Gradient = Completed()
+    gradient: Gradient = Imaged()
     """Gradient of the pressure."""
-    source: Source = DivergenceDensity()
+    source: Source = DivergenceDensity(smoothed=True)
     """Right side of the pressure Poisson equation; one that is evaluated at the start of the step."""
-    shifting: Shifting = Fickian()
+    shifting: Shifting = FickianAlongSurface()
     """Particle shifting."""
+    volume_order: Literal[1, 2] = 2
+    """Order in dt to which a step keeps the volume: 1 makes div u zero, 2 what it leaves of it as well."""
 
     def __call__(self, domain: Domain, t: float, dt: float) -> dict[str, float]:
         """Advance the domain from t to t + dt: forces, project, move."""
@@ -78,6 +93,8 @@ class ProjectInPlace(Projection, name="project-in-place"):
         with domain.stages("source"):
             self.wall_model.neumann(particles, dt)
             self.source(lattice, particles, pairs, dt, self.divergence, self.number_density, self.wall_model.mirror)
+            if self.volume_order == 2:
+                keep_volume(self.divergence, lattice, particles, pairs, self.wall_model.mirror)
         figures = solve_pressure(self, domain, outside, dt)
         with domain.stages("correction"):
             self.wall_model.extrapolate(lattice, particles, pairs)

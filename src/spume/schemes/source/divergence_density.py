@@ -5,15 +5,40 @@ from typing import Any, ClassVar
 from pydantic import Field as Parameter
 
 from spume.lattice import Lattice
-from spume.pairs import Pairs, row_map, row_term
-from spume.particles import FLUID, WALL, Particles
+from spume.pairs import Pairs, pair_sum, pair_term, row_map, row_term
+from spume.particles import FLUID, WALL, Field, Particles
 from spume.schemes.source.base import Source, volume_error
 
+VOLUME_ERROR = Field("volume_error", (), "1", "(n - n0)/n0, without what is missing beyond the surface")
+_AROUND = (
+    Field("error_around", (), "1", "sum of W times the volume error of the fluid near a row", scratch="volume"),
+    Field("weight_around", (), "1", "sum of W over the fluid near a row", scratch="volume"),
+)
 
-@row_term(reads=("divergence", "number_density", "surface_share"))
-def relaxed(a, n0, dt, gamma):  # type: ignore[no-untyped-def]
-    error = volume_error(a.number_density, n0, a.surface_share)
-    return a.divergence / dt - gamma * error / (dt * dt)
+
+@row_term(reads=("number_density", "surface_share"))
+def own_error(a, n0):  # type: ignore[no-untyped-def]
+    return volume_error(a.number_density, n0, a.surface_share)
+
+
+@pair_term(reads=("volume_error",))
+def error_of_neighbour(a, b, r, w):  # type: ignore[no-untyped-def]
+    return w * b.volume_error
+
+
+@pair_term()
+def weight_of_neighbour(a, b, r, w):  # type: ignore[no-untyped-def]
+    return w
+
+
+@row_term(reads=("volume_error", "error_around", "weight_around"))
+def mean_error(a):  # type: ignore[no-untyped-def]
+    return (a.volume_error + a.error_around) / (1.0 + a.weight_around)
+
+
+@row_term(reads=("divergence", "volume_error"))
+def relaxed(a, dt, gamma):  # type: ignore[no-untyped-def]
+    return a.divergence / dt - gamma * a.volume_error / (dt * dt)
 
 
 class DivergenceDensity(Source, name="divergence-density"):
@@ -27,8 +52,16 @@ class DivergenceDensity(Source, name="divergence-density"):
     instant: ClassVar = "k"
     from_velocity: ClassVar = True
 
+    needs: ClassVar = (*Source.needs, VOLUME_ERROR, *_AROUND)
+
     gamma: float = Parameter(default=0.05, ge=0.0, le=1.0)
     """Share of the density error that one step corrects [1]."""
+    smoothed: bool = False
+    """Take the mean of the error over a row and its fluid neighbours, weighted with 1 and W: one row is no volume."""
+
+    def needed(self) -> tuple[Field, ...]:
+        """Return the needed fields, without those that only ``smoothed`` uses."""
+        return tuple(f for f in self.needs if self.smoothed or f not in _AROUND)
 
     def __call__(
         self, lattice: Lattice, particles: Particles, pairs: Pairs, dt: float,
@@ -36,7 +69,12 @@ class DivergenceDensity(Source, name="divergence-density"):
     ) -> None:  # fmt: skip
         """Write ``source`` of fluid and wall rows."""
         divergence(lattice, particles, pairs, out="divergence", mirror=mirror)
-        row_map(
-            relaxed, particles, out="source", rows=FLUID | WALL,
-            arguments=(number_density.n0(lattice), dt, self.gamma),
-        )  # fmt: skip
+        n0 = number_density.n0(lattice)
+        row_map(own_error, particles, out="volume_error", rows=FLUID | WALL, arguments=(n0,))
+        if self.smoothed:
+            pair_sum(
+                (error_of_neighbour, weight_of_neighbour), particles, pairs, out=("error_around", "weight_around"),
+                weight=number_density.weight, re=number_density.radius(lattice), over=FLUID,
+            )  # fmt: skip
+            row_map(mean_error, particles, out="volume_error", rows=FLUID)
+        row_map(relaxed, particles, out="source", rows=FLUID | WALL, arguments=(dt, self.gamma))

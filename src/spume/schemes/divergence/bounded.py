@@ -1,0 +1,38 @@
+"""The corrected divergence with a bounded correction."""
+
+from typing import ClassVar
+
+from pydantic import Field as Parameter
+
+from spume.lattice import Lattice
+from spume.pairs import Pairs, row_map, row_term
+from spume.particles import FLUID, WALL, Particles
+from spume.schemes.correction import CORRECTION
+from spume.schemes.divergence.base import Divergence
+from spume.schemes.velocity_gradient import FLOOR, VELOCITY_GRADIENT, velocity_gradient
+
+
+@row_term(reads=("velocity_gradient",))
+def trace(a):  # type: ignore[no-untyped-def]
+    return a.velocity_gradient.trace()
+
+
+class Bounded(Divergence, name="bounded"):
+    """<div u>_i = d/n0 sum_j (u_j - u_i) . C_i r_ij/r^2 W, C_i = M_i^-1, M_i with eigenvalues of ``floor`` at least.
+
+    Exact for linear velocity fields on any arrangement inside the fluid, and, but for what the floor takes, on its
+    surface: a surface that is stretched along itself and sinks has no divergence. Where few neighbours are left, as in
+    spray, the floor keeps the correction from multiplying noise. (This project; the matrix of Khayyer & Gotoh 2011.)
+    """
+
+    reference: ClassVar = "khayyer2011"
+    order: ClassVar = 0
+    needs: ClassVar = (CORRECTION, VELOCITY_GRADIENT)
+
+    floor: float = Parameter(default=FLOOR, gt=0.0, le=1.0)
+    """Least eigenvalue of the matrix that is inverted [1]."""
+
+    def __call__(self, lattice: Lattice, particles: Particles, pairs: Pairs, out: str, mirror: bool = False) -> None:
+        """Write the divergence of ``velocity`` [1/s] at fluid and wall rows into ``out``."""
+        velocity_gradient(self, lattice, particles, pairs, mirror, self.floor)
+        row_map(trace, particles, out=out, rows=FLUID if mirror else FLUID | WALL)

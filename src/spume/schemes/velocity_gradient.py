@@ -1,0 +1,63 @@
+"""The velocity's gradient, exact for linear fields, and what it says of the volume over a step."""
+
+from spume.lattice import Lattice
+from spume.pairs import Pairs, pair_sum, pair_term, row_map, row_term
+from spume.particles import FLUID, WALL, Field, Particles
+from spume.schemes.correction import floored_correction_matrix
+from spume.schemes.divergence.base import mirrored
+from spume.schemes.operator import Operator
+
+FLOOR = 0.6
+"""Least eigenvalue of the matrix that is inverted [1]."""
+
+VELOCITY_GRADIENT = Field(
+    "velocity_gradient", ("d", "d"), "1/s", "gradient of the predicted velocity", scratch="correction"
+)
+
+
+def _scaled(a, total, scale, mirror):  # type: ignore[no-untyped-def]
+    return scale * total
+
+
+@pair_term(reads=("velocity", "kind", "to_surface", "correction"), shape=("d", "d"), finish=_scaled)
+def spread(a, b, r, w, scale, mirror):  # type: ignore[no-untyped-def]
+    return mirrored(a, b, mirror).outer_product(a.correction @ r) * (w / r.dot(r))
+
+
+@row_term(reads=("source", "velocity_gradient", "surface_share"))
+def less_turning(a):  # type: ignore[no-untyped-def]
+    return a.source - 0.5 * (1.0 - a.surface_share) * (a.velocity_gradient @ a.velocity_gradient).trace()
+
+
+def velocity_gradient(
+    operator: Operator, lattice: Lattice, particles: Particles, pairs: Pairs, mirror: bool, floor: float = FLOOR
+) -> None:
+    """Write ``velocity_gradient``, (grad u)_ab = d u_a/d x_b = d/n0 sum_j (u_j - u_i)_a (C_i r_ij)_b W/r^2 [1/s].
+
+    Args:
+        operator: gives weight and effective radius.
+        mirror: see ``Divergence``; wall rows then have none.
+        floor: least eigenvalue of the inverse of C (`floored_correction_matrix`).
+    """
+    rows = FLUID if mirror else FLUID | WALL
+    recipe, made_of = (operator.weight, operator.re, mirror, floor), ("position", "velocity")
+    if particles.keeps("velocity_gradient", recipe, made_of):
+        return
+    floored_correction_matrix(operator, lattice, particles, pairs, floor, rows)
+    pair_sum(
+        spread, particles, pairs, out="velocity_gradient", weight=operator.weight, re=operator.radius(lattice),
+        rows=rows, arguments=(lattice.dimension / operator.n0(lattice), float(mirror)),
+    )  # fmt: skip
+    particles.keep("velocity_gradient", recipe, made_of)
+
+
+def keep_volume(operator: Operator, lattice: Lattice, particles: Particles, pairs: Pairs, mirror: bool) -> None:
+    """Take 1/2 tr((grad u)^2) off ``source``, so that a step keeps the volume to second order.
+
+    r + dt u has the volume det(I + dt grad u) = 1 + dt div u - dt^2/2 tr((grad u)^2) + ... with div u = O(dt): it stays
+    where div u^(k+1) = dt/2 tr((grad u)^2), not where div u^(k+1) = 0. The same term makes the projection one of
+    second order: with div u^(k+1) = 0 at r^k each step takes dt^2 |grad P/rho|^2/2 off the kinetic energy, and a
+    particle on a circle spirals out. It fades out towards the free surface. (This project.)
+    """
+    velocity_gradient(operator, lattice, particles, pairs, mirror)
+    row_map(less_turning, particles, out="source", rows=FLUID)
