@@ -34,7 +34,7 @@ class Blended(FreeSurface, name="blended"):
     to the next, which is where much of the noise of a sharp detection comes from. (This project.)
     """
 
-    ids: ClassVar = ("E1",)
+    ids: ClassVar[tuple[str, ...]] = ("E1",)
     reference: ClassVar = "koshizuka1996"
 
     upper: float = Parameter(default=0.9, gt=0.5, le=1.0)

@@ -30,7 +30,7 @@ class Imaged(Blended, name="imaged"):
     number of the neighbours they miss. Gradient: ``imaged``. (This project.)
     """
 
-    ids: ClassVar = ()
+    ids: ClassVar[tuple[str, ...]] = ()
     reference: ClassVar = "liu2018"
     known: ClassVar = False
     needs: ClassVar = (*Blended.needs, CROWDING)

@@ -36,7 +36,7 @@ class Fickian(Diffusive, name="fickian"):
     The default: small, smooth, one pass over the list.
     """
 
-    ids: ClassVar = ("D1",)
+    ids: ClassVar[tuple[str, ...]] = ("D1",)
     reference: ClassVar = "xu2009"
     needs: ClassVar = (*Diffusive.needs, SURFACE_SHARE)
 

@@ -31,7 +31,7 @@ class FickianAlongSurface(Fickian, name="fickian-along-surface"):
     2009 with the tangential part of Lind 2012.)
     """
 
-    ids: ClassVar = ()
+    ids: ClassVar[tuple[str, ...]] = ()
     reference: ClassVar = "lind2012"
     needs: ClassVar = (*Fickian.needs, CROWDING, *NORMAL_FIELDS)
 
