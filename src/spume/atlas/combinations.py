@@ -30,6 +30,12 @@ SLOTS = (
 )  # fmt: skip
 """Slots of the step that are varied, all registered models of each."""
 
+FORMER = (
+    "step={number_density='original', free_surface='blended', divergence='blended', gradient='completed', "
+    "viscosity={name='explicit', laplacian='original'}, source='divergence-density', shifting='fickian', volume_order=1}"
+)
+"""The default models until 2026-11-25."""
+
 PUBLISHED = {
     "Koshizuka & Oka 1996": ("step='predict-move-project'",),
     "Khayyer & Gotoh 2009 (CMPS)": ("step={name='predict-move-project', gradient='cmps'}",),
@@ -54,7 +60,10 @@ FORMS = {
     "gradient cmps, consistent": "step.gradient={name='cmps', form='consistent'}",
     "gradient stabilised, consistent": "step.gradient={name='stabilised', form='consistent'}",
     "source divergence-density, 0.2": "step.source={name='divergence-density', gamma=0.2}",
-    "surface_pressure zero": "step.surface_pressure='zero'",
+    "source divergence-density, smoothed, 0.01": "step.source={name='divergence-density', smoothed=true, gamma=0.01}",
+    "number_density with weight inverse": "step.number_density.weight='inverse'",
+    "viscosity explicit, laplacian original": "step.viscosity.laplacian='original'",
+    "volume_order 1": "step.volume_order=1",
     "courant 0.1": "time.courant=0.1",
     "courant 0.4": "time.courant=0.4",
 }
@@ -63,7 +72,8 @@ FORMS = {
 
 def combinations() -> list[Combination]:
     """Return all combinations: the default, one slot varied at a time, published sets, presets."""
-    found = [Combination("default", (), "default"), *_varied(), *_published()]
+    former = Combination("former default", (FORMER,), "published")
+    found = [Combination("default", (), "default"), former, *_varied(), *_published()]
     others = [name for name in presets.names() if name != presets.USUAL]
     return found + [Combination(f"preset {name}", (f"preset='{name}'",), "preset") for name in others]
 
