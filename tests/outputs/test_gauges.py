@@ -169,10 +169,15 @@ def test_components_against_a_search_over_all_pairs(d):
         cells = np.floor(points).astype(int)
         touch = np.abs(cells[:, None] - cells[None]).max(axis=2) <= 1
         reach = np.linalg.matrix_power(touch.astype(float), 64) > 0
-        label = components(points, 1.0)
+        label = components(points, 0.8)  # of cells of size 1
         assert np.array_equal(label[:, None] == label[None, :], reach)
         counts = np.bincount(label)
         assert np.all(np.diff(counts) <= 0)  # the largest is number 0
+
+
+def test_a_lattice_stretched_by_a_wave_is_one_body():
+    x, y = np.meshgrid(np.arange(30) * 1.2, np.arange(20) / 1.2)
+    assert np.all(components(np.stack([x.ravel(), y.ravel()], axis=1), 1.0) == 0)
 
 
 # -------------------------------------------------------------------------------- force and budgets

@@ -1,4 +1,4 @@
-"""Which particles belong to one body of fluid: connected components over cells of size l0."""
+"""Which particles belong to one body of fluid: connected components over cells of size 1.25 l0."""
 
 from __future__ import annotations
 
@@ -10,11 +10,15 @@ from numpy.typing import NDArray
 from spume.outputs.snapshot import Snapshot
 
 
+_CELL = 1.25  # size of a cell [l0]
+
+
 def components(position: NDArray[np.floating], spacing: float) -> NDArray[np.int64]:
     """Return the number of the connected component of every point, shape (points,).
 
-    Space is divided into cells of size l0; occupied cells that share a face, an edge or a corner are
-    connected. So all points closer than l0 are together, and a gap of more than 2 √d l0 parts them.
+    Space is divided into cells of size 1.25 l0; occupied cells that share a face, an edge or a corner are
+    connected. So all points closer than 1.25 l0 are together, as the columns of a lattice that a wave stretches,
+    and a gap of more than 2.5 √d l0 parts them.
     Component 0 is the largest, 1 the next.
     """
     from scipy.sparse import coo_array
@@ -23,7 +27,7 @@ def components(position: NDArray[np.floating], spacing: float) -> NDArray[np.int
     d = position.shape[1]
     if len(position) == 0:
         return np.zeros(0, dtype=np.int64)
-    cells = np.floor(position / spacing).astype(np.int64)
+    cells = np.floor(position / (_CELL * spacing)).astype(np.int64)
     cells -= cells.min(axis=0) - 1
     size = cells.max(axis=0) + 2
     strides = np.append(np.cumprod(size[::-1])[::-1][1:], 1)
