@@ -89,6 +89,11 @@ def divergence(scheme, cloud, u=None, share=None):
     return rows.get("answer")
 
 
+def stretched(scheme, cloud, share=None):
+    """Return the divergence of rows drawn apart along x by the half."""
+    return divergence(scheme, cloud.moved(cloud.x * (1.0 + 0.5 * np.eye(cloud.d)[0])), share=share)
+
+
 def system(scheme, cloud, slope=None, share=None):
     """Return the matrix M and the right side b, of the laplacian s = b - M phi."""
     n = len(cloud)

@@ -324,7 +324,7 @@ def test_a_flow_under_tension_refuses_what_only_repels(file, gradient):
     assert len(found) == 1
     assert f'step.gradient = "{gradient}"' in found[0]
     assert "tensile = true" in found[0]
-    assert "choose one of completed, corrected, dummy-neighbour, original, second-order, stabilised" in found[0]
+    assert "choose one of completed, corrected, dummy-neighbour, imaged, original, second-order, stabilised" in found[0]
     load(file, ["tensile=false", f"step.gradient={gradient}"])
 
 

@@ -119,3 +119,28 @@ def detection_free_drawn(cloud):
     missing = (1 - density_of(cloud) / cloud.n0).clip(0.0)
     diagonal = 2 * cloud.d / (cloud.lambda_ * cloud.rho) * missing
     return np.stack([detection_free(cloud) > 0.5, diagonal, cloud.scalars()], axis=1)
+
+
+def imaged(cloud):
+    """The share of blended."""
+    return blended(cloud)
+
+
+def imaged_drawn(cloud):
+    """Flag, addition 4/(l0 rho) theta max(|s|, [(1 - n/n0)/m - 1] |s| of a flat surface), and no surface pressure.
+
+    s = d/n0 sum_j W r_ij/r^2; m is the share of n0 that a row on a flat surface of the lattice misses.
+    """
+    share, n = imaged(cloud), density_of(cloud) / cloud.n0
+    around = [(r, np.linalg.norm(r)) for r in lattice(cloud, cloud.re / cloud.l0)]
+    above = [(r, s) for r, s in around if r[-1] > 0.5 * cloud.l0]
+    m = sum(cloud.W(s, cloud.re) for _, s in above) / cloud.n0
+    flat = sum(cloud.d / cloud.n0 * cloud.W(s, cloud.re) * r[-1] / s**2 for r, s in above)
+    diagonal = cloud.scalars()
+    for i in range(len(cloud)):
+        total = np.zeros(cloud.d)
+        for _, r, s, w in cloud.neighbours(i):
+            total += cloud.d / cloud.n0 * w * r / s**2
+        drawn = max(np.linalg.norm(total), ((1 - n[i]) / m - 1) * flat)
+        diagonal[i] = 4 / (cloud.l0 * cloud.rho[i]) * share[i] * drawn
+    return np.stack([share > 0.5, diagonal, cloud.scalars()], axis=1)

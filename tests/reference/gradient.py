@@ -135,6 +135,27 @@ def bounded(moment, share):
     return moment + max(0.3 - np.linalg.eigvalsh(moment)[0], 0.0) * np.eye(len(moment))
 
 
+def floored(moment, floor):
+    """A symmetric matrix, raised by a multiple of I until its least eigenvalue is the floor."""
+    return moment + max(floor - np.linalg.eigvalsh(moment)[0], 0.0) * np.eye(len(moment))
+
+
+def imaged(cloud, floor=0.3):
+    """C_i [d/n0 sum_j (phi_j - phi_i) W r/r^2 + 2 theta phi_i s], C_i = [M_i + theta l0 s (x) s/|s|]^-1.
+
+    s = d/n0 sum_j W r/r^2; the least eigenvalue of what is inverted is raised to the floor.
+    """
+    g = cloud.vectors()
+    for i in range(len(cloud)):
+        s, total, share = np.zeros(cloud.d), np.zeros(cloud.d), cloud.share[i]
+        for j, r, distance, w in cloud.neighbours(i):
+            s += cloud.d / cloud.n0 * w * r / distance**2
+            total += cloud.d / cloud.n0 * w * (cloud.phi[j] - cloud.phi[i]) * r / distance**2
+        moment = np.linalg.inv(matrix(cloud, i)) + share * cloud.l0 * np.outer(s, s) / np.linalg.norm(s)
+        g[i] = np.linalg.solve(floored(moment, floor), total + 2 * share * cloud.phi[i] * s)
+    return g
+
+
 def cmps_consistent(cloud):
     """d/n0 sum_j [(phi_i + phi_j) - 2 min phi]/r^2 r_ij W with the smallest phi of all rows."""
     g, lowest = cloud.vectors(), cloud.phi.min()

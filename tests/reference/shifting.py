@@ -53,6 +53,18 @@ def fickian(cloud, strength=0.1, largest=0.1):
     return shift
 
 
+def fickian_along_surface(cloud, strength=0.1, largest=0.1, spray=0.5, supported=0.65):
+    """-A l0^2 [(1 - theta) I + theta beta (I - n n)] grad c; beta falls from 1 to 0 between 0.65 and 0.5 n0."""
+    shift = cloud.vectors()
+    for i in range(len(cloud)):
+        g, n, theta = crowding(cloud, i), normal(cloud, i), cloud.share[i]
+        ratio = sum(w for *_, w in cloud.neighbours(i)) / cloud.n0
+        beta = min(max((ratio - spray) / (supported - spray), 0.0), 1.0)
+        step = (1 - theta) * g + theta * beta * (g - (n @ g) * n)
+        shift[i] = limited(-strength * cloud.l0**2 * step, largest * cloud.l0)
+    return shift
+
+
 def fickian_carried(cloud):
     """Velocity and pressure [kPa] at the shifted place: phi_i + d/n0 sum_j (phi_j - phi_i) r_ij . C_i dr_i/r^2 W."""
     carried = np.column_stack([cloud.u, cloud.phi / 1000])

@@ -23,6 +23,15 @@ def divergence_density(cloud, gamma=0.05):
     return divergence_of(cloud) / DT - gamma * error(cloud, density_of(cloud)) / DT**2
 
 
+def divergence_density_smoothed(cloud, gamma=0.05):
+    """The same with the mean (e_i + sum_j W e_j)/(1 + sum_j W) in place of the error e_i."""
+    e, mean = error(cloud, density_of(cloud)), cloud.scalars()
+    for i in range(len(cloud)):
+        around = [(w, e[j]) for j, _, _, w in cloud.neighbours(i)]
+        mean[i] = (e[i] + sum(w * x for w, x in around)) / (1 + sum(w for w, _ in around))
+    return divergence_of(cloud) / DT - gamma * mean / DT**2
+
+
 def error(cloud, n):
     """(n - n0)/n0, where neighbours are missing at the surface times 1 - theta."""
     e = (n - cloud.n0) / cloud.n0

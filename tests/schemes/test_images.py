@@ -1,0 +1,197 @@
+"""A flat surface that is no longer the lattice: what the schemes with images claim of it."""
+
+import numpy as np
+import pytest
+
+from arrangements import table
+from spume.lattice import Lattice
+from spume.pressure.matrix import SYSTEM_FIELDS, UNKNOWN, LinearSystem
+from spume.schemes.correction import CORRECTION
+from spume.schemes.divergence.bounded import Bounded
+from spume.schemes.divergence.original import Original as OriginalDivergence
+from spume.schemes.free_surface.imaged import Imaged as ImagedSurface
+from spume.schemes.gradient.completed import Completed
+from spume.schemes.gradient.imaged import Imaged as ImagedGradient
+from spume.schemes.laplacian.distance import Distance
+from spume.schemes.number_density.base import Original as NumberDensity
+from spume.schemes.shifting.fickian_along_surface import FickianAlongSurface
+from spume.schemes.source.base import DIVERGENCE, SOURCE
+from spume.schemes.source.divergence_density import DivergenceDensity
+from spume.schemes.velocity_gradient import VELOCITY_GRADIENT, keep_volume
+from spume.schemes.weight.inverse import Inverse
+from spume.schemes.weight.quadratic import Quadratic
+
+L0 = 0.1
+NEEDS = (part.needs for part in (ImagedSurface, ImagedGradient, Bounded, FickianAlongSurface, DivergenceDensity))
+FIELDS = dict.fromkeys(
+    (*SYSTEM_FIELDS, CORRECTION, VELOCITY_GRADIENT, SOURCE, DIVERGENCE, *(f for needs in NEEDS for f in needs))
+)
+
+pytestmark = pytest.mark.usefixtures("runtime")
+dimensions = pytest.mark.parametrize("d", [2, 3])
+
+
+def layer(d, along=1.0, across=1.0, **rows):
+    """Return the table of a layer whose top centres lie at zero, periodic along it, and which rows are the top.
+
+    Args:
+        along, across: distance of the rows as multiples of l0.
+    """
+    n = 8
+    axes = [(np.arange(n) + 0.5) * along * L0] * (d - 1) + [-np.arange(7) * across * L0]
+    x = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, d)
+    period = n * along * L0
+    region = ([0.0] * (d - 1) + [-10.0], [period] * (d - 1) + [10.0])
+    given = {name: values(x) for name, values in rows.items()}
+    handles = table(x, spacing=L0, fields=FIELDS, skin=0.0, region=region, periodic=[True] * (d - 1) + [False], **given)
+    depth = -handles[1].numpy("position")[:, -1]
+    return handles, depth, depth < 0.5 * across * L0
+
+
+def weight_of(depth):
+    """Return a pressure that vanishes l0/2 above the top centres."""
+    return 9810.0 * (depth + 0.5 * L0)
+
+
+ARRANGEMENTS = pytest.mark.parametrize(
+    ("along", "across"), [(1.0, 1.0), (1.2, 0.8), (0.85, 1.1)], ids=["lattice", "stretched", "crowded"]
+)
+
+
+@dimensions
+@ARRANGEMENTS
+def test_gradient_of_a_pressure_that_vanishes_half_a_spacing_outside(d, along, across):
+    (lattice, particles, pairs), depth, top = layer(d, along, across)
+    particles.set("surface_share", top.astype(float))
+    particles.set("scalar", weight_of(depth))
+    exact = np.zeros((int(top.sum()), d))
+    exact[:, -1] = -9810.0
+    ImagedGradient()(lattice, particles, pairs, phi="scalar", out="vector")
+    assert particles.numpy("vector")[top] == pytest.approx(exact, abs=1e-6)
+    if along > 1.0:
+        Completed()(lattice, particles, pairs, phi="scalar", out="vector")
+        assert np.abs(particles.numpy("vector")[top] - exact).max() > 0.01 * 9810.0, "the lattice's images are not"
+
+
+@dimensions
+@ARRANGEMENTS
+def test_matrix_of_a_pressure_that_vanishes_half_a_spacing_outside(d, along, across):
+    """Laplacian and images of a surface row cancel: 2 s . g + 2 s . g_image, both slopes the same."""
+    (lattice, particles, pairs), depth, top = layer(d, along, across)
+    number_density, laplacian, surface = NumberDensity(), Distance(), ImagedSurface(upper=1.0, lower=0.95)
+    number_density(lattice, particles, pairs)
+    surface(lattice, particles, pairs, number_density)
+    particles.set("surface_share", top.astype(float))
+    surface.draw(lattice, particles, laplacian, number_density)
+    particles.set("row_state", np.full(particles.count, UNKNOWN))
+    p = weight_of(depth)
+    linear = LinearSystem()
+    linear.assemble(laplacian, lattice, particles, pairs)
+    start, length = linear.start.to_numpy(), particles.numpy("row_length")
+    column, value = linear.column.to_numpy(), linear.value.to_numpy()
+    images = particles.numpy("surface_diagonal")
+    for i in np.flatnonzero(top)[:5]:
+        slots = slice(start[i], start[i] + length[i])
+        residual = particles.numpy("diagonal")[i] * p[i] + value[slots] @ p[column[slots]]
+        assert images[i] * p[i] > 1.0
+        assert abs(residual) < 1e-11 * images[i] * p[i]
+    assert not images[depth > 1.5 * across * L0].any()
+
+
+@dimensions
+def test_no_divergence_where_a_surface_is_stretched_and_sinks(d):
+    def stretching(x):
+        return 3.0 * np.column_stack([x[:, 0], *(0 * x[:, 1:-1].T), -x[:, -1]])
+
+    (lattice, particles, pairs), _, top = layer(d, velocity=stretching)
+    x = particles.numpy("position")[:, 0]
+    rows = top & (x > 2.2 * L0) & (x < 5.8 * L0)
+    assert rows.any()
+    for scheme, exact in ((Bounded(floor=0.4), True), (OriginalDivergence(), False)):
+        scheme(lattice, particles, pairs, out="answer")
+        error = np.abs(particles.numpy("answer")[rows]).max()
+        assert (error < 1e-10) == exact
+        assert exact or error > 0.5
+
+
+def rotation(d, omega=2.0):
+    return omega * np.pad(np.array([[0.0, -1.0], [1.0, 0.0]]), (0, d - 2))
+
+
+@dimensions
+def test_a_rotation_keeps_its_volume_to_second_order(d):
+    """-1/2 tr((grad u)^2) = omega^2, and the target of div u leaves det(I + dt grad u) = 1 + O(dt^3)."""
+    G = rotation(d)
+    (lattice, particles, pairs), depth, _ = layer(d, velocity=lambda x: x @ G.T)
+    x = particles.numpy("position")[:, :-1]
+    rows = np.all((x > 2.2 * L0) & (x < 5.8 * L0), axis=1) & (depth > 2.1 * L0) & (depth < 3.9 * L0)
+    assert rows.any()
+    particles.set("source", np.full(particles.count, 7.0))
+    keep_volume(Bounded(), lattice, particles, pairs, False)
+    found = particles.numpy("source") - 7.0
+    assert found[rows] == pytest.approx(4.0, rel=1e-10)
+    particles.set("surface_share", np.ones(particles.count))
+    particles.set("source", np.zeros(particles.count))
+    keep_volume(Bounded(), lattice, particles, pairs, False)
+    assert not particles.numpy("source").any(), "it fades out towards the surface"
+    change = []
+    for dt in (1e-2, 5e-3):
+        rest = found[rows][0] * dt  # a source S of a velocity without divergence leaves div u = -S dt
+        step = G - rest / d * np.eye(d)
+        change.append(abs(np.linalg.det(np.eye(d) + dt * step) - 1.0))
+        assert change[-1] < 0.2 * abs(np.linalg.det(np.eye(d) + dt * G) - 1.0)
+    assert change[0] / change[1] > 6.0
+
+
+@dimensions
+def test_shifting_along_a_flat_surface(d):
+    """Across it nothing; along it the rows that crowd part; spray stays."""
+    (lattice, particles, pairs), _, top = layer(d)
+    x = particles.numpy("position")
+    rng = np.random.default_rng(1)
+    moved = x.copy()
+    moved[top, 0] += 0.2 * L0 * rng.uniform(-1, 1, top.sum())
+    particles.set("position", moved)
+    number_density = NumberDensity()
+    number_density(lattice, particles, pairs)
+    particles.set("surface_share", top.astype(float))
+    shifting = FickianAlongSurface()
+    shifting(lattice, particles, pairs, number_density, 0.01)
+    shift, normal = particles.numpy("shift")[top], particles.numpy("surface_normal")[top]
+    assert np.abs(shift).max() > 1e-3 * L0
+    assert np.abs((shift * normal).sum(axis=1)).max() < 1e-12
+    particles.set("position", moved)
+    FickianAlongSurface(spray=0.9, supported=0.95)(lattice, particles, pairs, number_density, 0.01)
+    assert not particles.numpy("shift")[top].any()
+
+
+def test_mean_of_a_constant_error_is_that_constant():
+    """Every row of the lattice as dense as the wall beside it; and a mean it is, of a row and its neighbours."""
+    (lattice, particles, pairs), _, _ = layer(2, velocity=lambda x: 0.0 * x)
+    number_density, dt = NumberDensity(), 0.01
+    n0 = number_density.n0(lattice)
+    for ratio in (np.full(particles.count, 1.02), 1.0 + 0.02 * np.cos(np.arange(particles.count))):
+        found = []
+        for smoothed in (False, True):
+            particles.set("number_density", ratio * n0)
+            DivergenceDensity(gamma=0.5, smoothed=smoothed)(
+                lattice, particles, pairs, dt, OriginalDivergence(), number_density, False
+            )
+            found.append(-particles.numpy("source") * dt**2 / 0.5)
+        assert found[0] == pytest.approx(ratio - 1.0, abs=1e-12)
+        if np.ptp(ratio) == 0.0:
+            assert found[1] == pytest.approx(0.02, rel=1e-10)
+        else:
+            assert np.std(found[1]) < 0.6 * np.std(found[0])
+
+
+@dimensions
+@pytest.mark.parametrize("weight", [Inverse(), Quadratic()], ids=lambda w: w.key)
+def test_share_that_a_flat_surface_misses(d, weight):
+    """By a direct sum over the layers above a row."""
+    cells = np.stack(np.meshgrid(*[np.arange(-3, 4)] * d, indexing="ij"), -1).reshape(-1, d)
+    r = np.linalg.norm(cells, axis=1)
+    near = (r > 0) & (r < 2.1)
+    w = np.where(near, weight.values(np.where(near, r, 1.0), 2.1), 0.0)
+    expected = w[cells[:, -1] > 0].sum() / w.sum()
+    assert Lattice(d, L0).missing(weight, 2.1) == pytest.approx(expected, rel=1e-12)
