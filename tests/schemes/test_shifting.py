@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from arrangements import block, inside, offsets, table, weights
+from spume.schemes.crowding import flat_surface_gradient
 from spume.schemes.free_surface.base import SURFACE_SHARE
 from spume.schemes.free_surface.number_density import LowNumberDensity
 from spume.schemes.number_density.base import Original as NumberDensity
-from spume.schemes.shifting.classes import INNER, SPLASH, SURFACE, VICINITY, flat_surface_gradient
+from spume.schemes.shifting.classes import INNER, SPLASH, SURFACE, VICINITY
 from spume.schemes.shifting.fickian import Fickian
 from spume.schemes.shifting.fickian_surface import FickianSurface
 from spume.schemes.shifting.none import Unshifted

@@ -9,6 +9,7 @@ from spume.cli import app
 from spume.pressure.bicgstab import StabilisedBiconjugateGradient
 from spume.pressure.conjugate_gradient import ConjugateGradient
 from spume.pressure.multigrid import Multigrid
+from spume.schemes.free_surface.blended import Blended
 from spume.schemes.free_surface.detection_free import DetectionFree
 from spume.schemes.gradient.corrected import Corrected
 from spume.schemes.laplacian.higher_order import HigherOrder
@@ -46,8 +47,8 @@ def test_laplacian_and_source_of_different_sizes(laplacian, source, said):
 
 
 def test_the_printed_normalisation_of_the_corrected_gradient_is_told_of():
-    assert ProjectInPlace(gradient=Corrected()).caution() == ""
-    said = ProjectInPlace(gradient=Corrected(form="published")).caution()
+    assert ProjectInPlace(gradient=Corrected(), free_surface=Blended()).caution() == ""
+    said = ProjectInPlace(gradient=Corrected(form="published"), free_surface=Blended()).caution()
     assert (
         said == 'gradient \'corrected\' in the form "published" gives d times the gradient: choose form = "consistent"'
     )

@@ -32,7 +32,8 @@ SLOTS = (
 
 FORMER = (
     "step={number_density='original', free_surface='blended', divergence='blended', gradient='completed', "
-    "viscosity={name='explicit', laplacian='original'}, source='divergence-density', shifting='fickian', volume_order=1}"
+    "viscosity={name='explicit', laplacian='original'}, source='divergence-density', shifting='fickian', "
+    "volume_order=1}"
 )
 """The default models until 2026-11-25."""
 

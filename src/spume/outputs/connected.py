@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from spume.outputs.snapshot import Snapshot
 
-
 _CELL = 1.25  # size of a cell [l0]
 
 

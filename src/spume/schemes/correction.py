@@ -54,7 +54,7 @@ def _inverse_or_identity(a, moment, scale, largest_condition):  # type: ignore[n
 
 @kernels.func
 def floored_inverse(matrix, floor):  # type: ignore[no-untyped-def]
-    """Return the inverse of a symmetric matrix whose eigenvalues are raised to ``floor`` at least."""
+    """Return the inverse of a symmetric matrix, with as much of I added as keeps its eigenvalues above ``floor``."""
     scaled = matrix
     # Gershgorin's circles bound the eigenvalues at a tenth of the cost; only few rows come near the floor.
     bound = scaled[0, 0]

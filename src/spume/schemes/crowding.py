@@ -1,11 +1,20 @@
 """Where a row's neighbours are: the vector from empty to crowded places."""
 
+import functools
+from typing import Any
+
+import numpy as np
+
 from spume.lattice import Lattice
 from spume.pairs import Pairs, pair_sum, pair_term
 from spume.particles import FLUID, Field, Particles
 from spume.schemes.operator import Operator
 
 CROWDING = Field("crowding", ("d",), "1/m", "d/n0 sum of W r/r^2: points to where the neighbours are")
+
+
+TENSILE_POWER = 4.0
+"""Power of W/W(l0) in the term against clumps (Lind 2012)."""
 
 
 def _scaled(a, total, scale):  # type: ignore[no-untyped-def]
@@ -31,3 +40,19 @@ def crowding_vector(operator: Operator, lattice: Lattice, particles: Particles, 
         rows=FLUID, arguments=(lattice.dimension / operator.n0(lattice),),
     )  # fmt: skip
     particles.keep("crowding", recipe, ("position",))
+
+
+@functools.cache
+def flat_surface_gradient(weight: Any, re: float, dimension: int, tensile: float) -> float:
+    """Return l0 n . grad C of a row on the flat surface of the lattice, n outward [1]; it is negative."""
+    reach = int(np.ceil(re))
+    offsets = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * dimension, indexing="ij"), -1)
+    offsets = offsets.reshape(-1, dimension).astype(float)
+    r = np.linalg.norm(offsets, axis=1)
+    near = (r > 0.0) & (r < re)
+    offsets, r = offsets[near], r[near]
+    w = weight.values(r, re)
+    n0 = w.sum()
+    w = w * (1.0 + tensile * (w / float(weight.values(1.0, re))) ** TENSILE_POWER)
+    below = offsets[:, -1] <= 0.0
+    return float(dimension / n0 * (w * offsets[:, -1] / r**2)[below].sum())

@@ -5,10 +5,9 @@ from typing import Any, ClassVar
 from spume.lattice import Lattice
 from spume.pairs import Pairs, row_map, row_term
 from spume.particles import FLUID, WALL, Particles
-from spume.schemes.crowding import CROWDING, crowding_vector
+from spume.schemes.crowding import CROWDING, crowding_vector, flat_surface_gradient
 from spume.schemes.free_surface.base import nothing
 from spume.schemes.free_surface.blended import Blended
-from spume.schemes.shifting.classes import flat_surface_gradient
 
 
 @row_term(reads=("surface_share", "density", "number_density", "crowding"))

@@ -1,14 +1,10 @@
 """Where a row is with respect to the free surface, and how crowded: what shifting along a surface needs."""
 
-import functools
-from typing import Any
-
-import numpy as np
-
 from spume import kernels
 from spume.lattice import Lattice
 from spume.pairs import Pairs, pair_max, pair_sum, pair_term, row_map, row_term
 from spume.particles import ANY, FLUID, Field, Particles
+from spume.schemes.crowding import TENSILE_POWER
 from spume.schemes.normal import NORMAL_FIELDS, surface_normals
 from spume.schemes.operator import Operator
 
@@ -22,8 +18,6 @@ SURFACE_FIELDS = (
     Field("near_inside", (), "1", "1 where a neighbour is fluid off the free surface", int),
     Field("concentration_gradient", ("d",), "1/m", "gradient of the concentration of particles"),
 )  # fmt: skip
-
-TENSILE_POWER = 4.0
 
 
 def _exists(a, largest):  # type: ignore[no-untyped-def]
@@ -111,19 +105,3 @@ def concentration_and_normal(
 def weight_of_neighbour(operator: Operator) -> float:
     """Return W(l0), the weight of the nearest neighbour on the lattice [1]."""
     return float(operator.weight.values(1.0, operator.re))
-
-
-@functools.cache
-def flat_surface_gradient(weight: Any, re: float, dimension: int, tensile: float) -> float:
-    """Return l0 n . grad C of a row on the flat surface of the lattice, n outward [1]; it is negative."""
-    reach = int(np.ceil(re))
-    offsets = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * dimension, indexing="ij"), -1)
-    offsets = offsets.reshape(-1, dimension).astype(float)
-    r = np.linalg.norm(offsets, axis=1)
-    near = (r > 0.0) & (r < re)
-    offsets, r = offsets[near], r[near]
-    w = weight.values(r, re)
-    n0 = w.sum()
-    w = w * (1.0 + tensile * (w / float(weight.values(1.0, re))) ** TENSILE_POWER)
-    below = offsets[:, -1] <= 0.0
-    return float(dimension / n0 * (w * offsets[:, -1] / r**2)[below].sum())

@@ -7,6 +7,7 @@ from pydantic import Field as Parameter
 from spume.lattice import Lattice
 from spume.pairs import Pairs, row_map, row_term
 from spume.particles import FLUID, Particles
+from spume.schemes.crowding import flat_surface_gradient
 from spume.schemes.shifting.base import Diffusive, advective_diffusivity
 from spume.schemes.shifting.classes import (
     INNER,
@@ -14,7 +15,6 @@ from spume.schemes.shifting.classes import (
     SURFACE_FIELDS,
     classify,
     concentration_and_normal,
-    flat_surface_gradient,
     limited,
     tangential,
 )
