@@ -8,7 +8,10 @@ from spume.build import build
 from spume.particles import ANY, FLUID, WALL, Particles
 from spume.schemes import correction
 from spume.schemes.correction import CORRECTION, bounded_correction_matrix, correction_matrix
+from spume.schemes.divergence.blended import Blended as BlendedDivergence
 from spume.schemes.free_surface.base import SURFACE_SHARE
+from spume.schemes.free_surface.blended import Blended
+from spume.schemes.gradient.completed import Completed
 from spume.schemes.operator import Operator
 from tanks import STEPS, dam_break
 
@@ -74,7 +77,8 @@ def advanced_positions(step, steps=15):
 
 
 def test_once_a_step_and_the_same_trajectory(counted, monkeypatch):
-    step = STEPS["project-in-place"]()
+    models = {"divergence": BlendedDivergence(), "gradient": Completed(), "free_surface": Blended(), "volume_order": 1}
+    step = STEPS["project-in-place"](**models)
     kept, simulation = advanced_positions(step)
     assert counted.count("bounded_moment") == simulation.step_index
     counted.clear()

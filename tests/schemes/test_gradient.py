@@ -178,7 +178,7 @@ def by_formula(key, phi, r, w, d, n0, re=0.21):
     moment = np.einsum("ij,ijk,ijl->ikl", share, r, r)
     if key in ("corrected", "corrected-minimum"):
         return np.linalg.solve(moment, total[..., None])[..., 0]
-    if key == "completed":
+    if key in ("completed", "imaged"):
         lift = np.maximum(0.3 - np.linalg.eigvalsh(moment)[:, 0], 0.0)
         return np.linalg.solve(moment + lift[:, None, None] * np.eye(d), total[..., None])[..., 0]
     if key == "second-order":

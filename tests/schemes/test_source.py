@@ -13,7 +13,7 @@ from spume.schemes.number_density.base import Original as NumberDensity
 from spume.schemes.source.base import DIVERGENCE, SOURCE
 from spume.schemes.source.density import Density
 from spume.schemes.source.divergence import VelocityDivergence
-from spume.schemes.source.divergence_density import DivergenceDensity
+from spume.schemes.source.divergence_density import VOLUME_ERROR, DivergenceDensity
 from spume.schemes.source.error_compensating import ErrorCompensating
 from spume.schemes.source.higher_order import HigherOrder
 from spume.schemes.source.three_term import ThreeTerm
@@ -31,7 +31,7 @@ def state():
     """A disturbed block of every kind with random velocities, n and div u."""
     rng = np.random.default_rng(1)
     lattice, particles, pairs = table(
-        block(2, 10, disturbance=0.3), fields=(SOURCE, DIVERGENCE, SURFACE_SHARE),
+        block(2, 10, disturbance=0.3), fields=(SOURCE, DIVERGENCE, SURFACE_SHARE, VOLUME_ERROR),
         kind=rng.choice([FLUID, FLUID, WALL, DUMMY], 100), velocity=rng.normal(size=(100, 2)),
         surface_share=rng.choice([0.0, 0.4, 1.0], 100),
     )  # fmt: skip

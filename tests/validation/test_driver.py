@@ -9,7 +9,7 @@ from spume.validation import driver
 from spume.validation.folder import Folder, budgets
 from spume.validation.study import Bar, Measured, Run, Study
 
-SHORT = Run("couette", 14, ("spacing=0.07142857142857142", "time.end=0.3"))
+SHORT = Run("couette", 20, ("spacing=0.05", "time.end=0.3"))
 
 
 def measure(folder):

@@ -11,7 +11,7 @@ FLOOR = 0.6
 """Least eigenvalue of the matrix that is inverted [1]."""
 
 VELOCITY_GRADIENT = Field(
-    "velocity_gradient", ("d", "d"), "1/s", "gradient of the predicted velocity", scratch="correction"
+    "predicted_gradient", ("d", "d"), "1/s", "gradient of the predicted velocity", scratch="correction"
 )
 
 
@@ -24,15 +24,15 @@ def spread(a, b, r, w, scale, mirror):  # type: ignore[no-untyped-def]
     return mirrored(a, b, mirror).outer_product(a.correction @ r) * (w / r.dot(r))
 
 
-@row_term(reads=("source", "velocity_gradient", "surface_share"))
+@row_term(reads=("source", "predicted_gradient", "surface_share"))
 def less_turning(a):  # type: ignore[no-untyped-def]
-    return a.source - 0.5 * (1.0 - a.surface_share) * (a.velocity_gradient @ a.velocity_gradient).trace()
+    return a.source - 0.5 * (1.0 - a.surface_share) * (a.predicted_gradient @ a.predicted_gradient).trace()
 
 
 def velocity_gradient(
     operator: Operator, lattice: Lattice, particles: Particles, pairs: Pairs, mirror: bool, floor: float = FLOOR
 ) -> None:
-    """Write ``velocity_gradient``, (grad u)_ab = d u_a/d x_b = d/n0 sum_j (u_j - u_i)_a (C_i r_ij)_b W/r^2 [1/s].
+    """Write ``predicted_gradient``, (grad u)_ab = d u_a/d x_b = d/n0 sum_j (u_j - u_i)_a (C_i r_ij)_b W/r^2 [1/s].
 
     Args:
         operator: gives weight and effective radius.
@@ -41,14 +41,14 @@ def velocity_gradient(
     """
     rows = FLUID if mirror else FLUID | WALL
     recipe, made_of = (operator.weight, operator.re, mirror, floor), ("position", "velocity")
-    if particles.keeps("velocity_gradient", recipe, made_of):
+    if particles.keeps("predicted_gradient", recipe, made_of):
         return
     floored_correction_matrix(operator, lattice, particles, pairs, floor, rows)
     pair_sum(
-        spread, particles, pairs, out="velocity_gradient", weight=operator.weight, re=operator.radius(lattice),
+        spread, particles, pairs, out="predicted_gradient", weight=operator.weight, re=operator.radius(lattice),
         rows=rows, arguments=(lattice.dimension / operator.n0(lattice), float(mirror)),
     )  # fmt: skip
-    particles.keep("velocity_gradient", recipe, made_of)
+    particles.keep("predicted_gradient", recipe, made_of)
 
 
 def keep_volume(operator: Operator, lattice: Lattice, particles: Particles, pairs: Pairs, mirror: bool) -> None:

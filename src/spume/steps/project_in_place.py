@@ -66,7 +66,7 @@ class ProjectInPlace(Projection, name="project-in-place"):
     shifting: Shifting = FickianAlongSurface()
     """Particle shifting."""
     volume_order: Literal[1, 2] = 2
-    """Order in dt to which a step keeps the volume: 1 makes div u zero, 2 what it leaves of it as well."""
+    """Order in dt to which a step keeps the volume: 1 makes div u zero, 2 what it leaves of it as well [1]."""
 
     def __call__(self, domain: Domain, t: float, dt: float) -> dict[str, float]:
         """Advance the domain from t to t + dt: forces, project, move."""

@@ -12,9 +12,9 @@ from spume.schemes.divergence.base import Divergence
 from spume.schemes.velocity_gradient import FLOOR, VELOCITY_GRADIENT, velocity_gradient
 
 
-@row_term(reads=("velocity_gradient",))
+@row_term(reads=("predicted_gradient",))
 def trace(a):  # type: ignore[no-untyped-def]
-    return a.velocity_gradient.trace()
+    return a.predicted_gradient.trace()
 
 
 class Bounded(Divergence, name="bounded"):
