@@ -130,7 +130,7 @@ class Case(Parameters):
     """Processor threads [1]; default: all that the process may use."""
     precision: Literal["double", "single"] = "double"
     """Floating-point numbers of 8 or of 4 bytes."""
-    preset: Literal["recommended", "confined", "original-1996"] = "recommended"
+    preset: Literal["recommended", "confined", "original-1996", "violent"] = "recommended"
     """Models for a class of problems: defaults of ``step`` and ``time``, before which goes what those say."""
     time: Time
     """End of the run and limits of the time step."""

@@ -54,6 +54,9 @@ def test_claims(divergence, d):
         assert found == pytest.approx(expected, rel=1e-9)
     elif divergence.key == "blended":
         assert found[core] == pytest.approx(expected, rel=1e-9), "exact inside the fluid"
+    elif divergence.key == "bounded":
+        free = divergence_of(divergence.model_copy(update={"floor": 0.2}), lattice, particles, pairs, velocity)
+        assert free[core] == pytest.approx(expected, rel=1e-9), "exact where the floor does not act"
     else:
         assert np.abs(found[core] - expected).max() > 0.05
 
