@@ -29,7 +29,7 @@ def towards_neighbours(a, b, r, w, scale):  # type: ignore[no-untyped-def]
 def crowding_vector(operator: Operator, lattice: Lattice, particles: Particles, pairs: Pairs) -> None:
     """Write ``crowding`` = d/n0 sum_j W r_ij/r^2 [1/m] of fluid rows, over rows of every kind.
 
-    It vanishes on the regular arrangement; on a flat surface of it its length is 0.492/l0 in 2D and 0.458/l0 in 3D
+    It vanishes on the regular arrangement; on a flat surface of it its length is 0.492/l0 in 2D and 0.495/l0 in 3D
     (re = 2.1 l0).
     """
     recipe = (operator.weight, operator.re)

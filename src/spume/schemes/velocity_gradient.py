@@ -37,7 +37,8 @@ def velocity_gradient(
     Args:
         operator: gives weight and effective radius.
         mirror: see ``Divergence``; wall rows then have none.
-        floor: least eigenvalue of the inverse of C (`floored_correction_matrix`).
+        floor: least eigenvalue of the inverse of C (`floored_correction_matrix`); another than the divergence's means
+            a second pass.
     """
     rows = FLUID if mirror else FLUID | WALL
     recipe, made_of = (operator.weight, operator.re, mirror, floor), ("position", "velocity")

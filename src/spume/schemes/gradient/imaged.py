@@ -11,6 +11,7 @@ from spume.schemes.correction import CORRECTION, floored_inverse
 from spume.schemes.crowding import CROWDING, crowding_vector
 from spume.schemes.free_surface.base import SURFACE_SHARE
 from spume.schemes.gradient.base import Gradient
+from spume.schemes.gradient.completed import difference
 
 
 def _inverse(a, total, scale, floor, l0):  # type: ignore[no-untyped-def]
@@ -21,15 +22,6 @@ def _inverse(a, total, scale, floor, l0):  # type: ignore[no-untyped-def]
 @pair_term(reads=("surface_share", "crowding"), shape=("d", "d"), finish=_inverse)
 def imaged_moment(a, b, r, w, scale, floor, l0):  # type: ignore[no-untyped-def]
     return r.outer_product(r) * (w / r.dot(r))
-
-
-def _corrected(a, total, scale):  # type: ignore[no-untyped-def]
-    return a.correction @ total * scale
-
-
-@pair_term(reads=("value", "correction", "surface_share"), shape=("d",), finish=_corrected)
-def difference(a, b, r, w, scale):  # type: ignore[no-untyped-def]
-    return (b.value - a.value + 2.0 * a.surface_share * a.value) * w / r.dot(r) * r
 
 
 class Imaged(Gradient, name="imaged"):

@@ -17,7 +17,7 @@ from spume.schemes.shifting.fickian import Fickian
 @row_term(reads=("crowding", "surface_share", "surface_normal", "number_density"))
 def shift(a, coefficient, spray, supported, largest):  # type: ignore[no-untyped-def]
     along = tangential(a.crowding, a.surface_normal)
-    share = a.surface_share * min(max((a.number_density - spray) / (supported - spray), 0.0), 1.0)
+    share = a.surface_share * min(max((a.number_density - spray) / max(supported - spray, 1e-6), 0.0), 1.0)
     return limited(-coefficient * ((1.0 - a.surface_share) * a.crowding + share * along), largest)
 
 
