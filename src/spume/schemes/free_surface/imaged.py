@@ -5,16 +5,17 @@ from typing import Any, ClassVar
 from spume.lattice import Lattice
 from spume.pairs import Pairs, row_map, row_term
 from spume.particles import FLUID, WALL, Particles
-from spume.schemes.crowding import CROWDING, crowding_vector, flat_surface_gradient
+from spume.schemes.crowding import flat_surface_gradient
 from spume.schemes.free_surface.base import nothing
 from spume.schemes.free_surface.blended import Blended
+from spume.schemes.surface_images import IMAGE_FIELDS, IMAGES_DENSITY, density_of_images, surface_images
 
 
-@row_term(reads=("surface_share", "density", "number_density", "crowding"))
-def images(a, scale, n0, missing, flat):  # type: ignore[no-untyped-def]
+@row_term(reads=("surface_share", "density", "number_density", "images", "surface_distance"))
+def images(a, scale, n0, missing, flat, l0):  # type: ignore[no-untyped-def]
     # A sheet of one row has surfaces on both sides, whose crowding cancels; it misses twice as many neighbours.
     beyond = (1.0 - a.number_density / n0) / missing - 1.0
-    return scale / a.density * a.surface_share * max(a.crowding.norm(), beyond * flat)
+    return scale / a.density * a.surface_share * max(a.images.norm() / a.surface_distance, 2.0 * beyond * flat / l0)
 
 
 class Imaged(Blended, name="imaged"):
@@ -32,7 +33,7 @@ class Imaged(Blended, name="imaged"):
     ids: ClassVar[tuple[str, ...]] = ()
     reference: ClassVar = "liu2018"
     known: ClassVar = False
-    needs: ClassVar = (*Blended.needs, CROWDING)
+    needs: ClassVar = (*Blended.needs, *IMAGE_FIELDS, IMAGES_DENSITY)
 
     def draw(self, lattice: Lattice, particles: Particles, laplacian: Any, number_density: Any) -> None:
         """Write ``surface_diagonal`` = (4/l0) theta |s|/rho [m/kg] and the ``surface_value`` zero."""
@@ -40,11 +41,12 @@ class Imaged(Blended, name="imaged"):
         flat = -flat_surface_gradient(self.weight, self.re, d, 0.0) / lattice.spacing
         row_map(
             images, particles, out="surface_diagonal", rows=FLUID,
-            arguments=(4.0 / lattice.spacing, lattice.n0(weight, re), lattice.missing(weight, re), flat),
+            arguments=(2.0, lattice.n0(weight, re), lattice.missing(weight, re), flat, lattice.spacing),
         )  # fmt: skip
         row_map(nothing, particles, out="surface_value", rows=FLUID | WALL)
 
     def __call__(self, lattice: Lattice, particles: Particles, pairs: Pairs, number_density: Any) -> None:
         """Write ``free_surface`` (1 or 0), ``surface_share`` (1 … 0) and ``crowding``."""
         super().__call__(lattice, particles, pairs, number_density)
-        crowding_vector(self, lattice, particles, pairs)
+        surface_images(self, lattice, particles, pairs)
+        density_of_images(number_density, lattice, particles, pairs)

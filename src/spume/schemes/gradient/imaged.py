@@ -8,20 +8,27 @@ from spume.lattice import Lattice
 from spume.pairs import Pairs, PairView, pair_sum, pair_term
 from spume.particles import ANY, Particles
 from spume.schemes.correction import CORRECTION, floored_inverse
-from spume.schemes.crowding import CROWDING, crowding_vector
-from spume.schemes.free_surface.base import SURFACE_SHARE
 from spume.schemes.gradient.base import Gradient
-from spume.schemes.gradient.completed import difference
+from spume.schemes.surface_images import IMAGE_FIELDS, surface_images
 
 
-def _inverse(a, total, scale, floor, l0):  # type: ignore[no-untyped-def]
-    images = (a.surface_share * l0 / max(a.crowding.norm(), 1e-9 / l0)) * a.crowding.outer_product(a.crowding)
-    return floored_inverse(scale * total + images, floor)
+def _inverse(a, total, scale, floor, tiny):  # type: ignore[no-untyped-def]
+    length = a.surface_share * 2.0 * a.surface_distance / max(a.images.norm(), tiny)
+    return floored_inverse(scale * total + length * a.images.outer_product(a.images), floor)
 
 
-@pair_term(reads=("surface_share", "crowding"), shape=("d", "d"), finish=_inverse)
-def imaged_moment(a, b, r, w, scale, floor, l0):  # type: ignore[no-untyped-def]
+@pair_term(reads=("surface_share", "images", "surface_distance"), shape=("d", "d"), finish=_inverse)
+def imaged_moment(a, b, r, w, scale, floor, tiny):  # type: ignore[no-untyped-def]
     return r.outer_product(r) * (w / r.dot(r))
+
+
+def _completed(a, total, scale):  # type: ignore[no-untyped-def]
+    return a.correction @ (scale * total + 2.0 * a.surface_share * a.value * a.images)
+
+
+@pair_term(reads=("value", "correction", "surface_share", "images"), shape=("d",), finish=_completed)
+def difference(a, b, r, w, scale):  # type: ignore[no-untyped-def]
+    return (b.value - a.value) * w / r.dot(r) * r
 
 
 class Imaged(Gradient, name="imaged"):
@@ -37,7 +44,7 @@ class Imaged(Gradient, name="imaged"):
 
     reference: ClassVar = "liu2018"
     order: ClassVar = 0
-    needs: ClassVar = (CORRECTION, SURFACE_SHARE, CROWDING)
+    needs: ClassVar = (CORRECTION, *IMAGE_FIELDS)
     completes: ClassVar = True
 
     floor: float = Parameter(default=0.3, gt=0.0, le=1.0)
@@ -49,11 +56,11 @@ class Imaged(Gradient, name="imaged"):
         dt: float = 0.0, moved: bool = True,
     ) -> None:  # fmt: skip
         """Write the gradient of ``phi`` at fluid rows into ``out``."""
-        crowding_vector(self, lattice, particles, pairs)
+        surface_images(self, lattice, particles, pairs)
         scale = lattice.dimension / self.n0(lattice)
         pair_sum(
             imaged_moment, particles, pairs, out="correction", weight=self.weight, re=self.radius(lattice), over=over,
-            arguments=(scale, self.floor, lattice.spacing),
+            arguments=(scale, self.floor, 1e-9 / lattice.spacing),
         )  # fmt: skip
         pair_sum(
             difference, particles, pairs, out=out, weight=self.weight, re=self.radius(lattice), over=over,

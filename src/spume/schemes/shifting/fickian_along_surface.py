@@ -4,20 +4,23 @@ from typing import Any, ClassVar
 
 from pydantic import Field as Parameter
 
+from spume.kernels import sqrt
 from spume.lattice import Lattice
 from spume.pairs import Pairs, row_map, row_term
 from spume.particles import FLUID, Particles
 from spume.schemes.crowding import CROWDING, crowding_vector
 from spume.schemes.normal import NORMAL_FIELDS, surface_normals
+from spume.schemes.relative_motion import RELATIVE_MOTION, relative_motion
 from spume.schemes.shifting.base import advective_diffusivity
 from spume.schemes.shifting.classes import limited, tangential
 from spume.schemes.shifting.fickian import Fickian
 
 
-@row_term(reads=("crowding", "surface_share", "surface_normal", "number_density"))
-def shift(a, coefficient, spray, supported, largest):  # type: ignore[no-untyped-def]
+@row_term(reads=("crowding", "surface_share", "surface_normal", "number_density", "relative_motion"))
+def shift(a, constant, relative, spray, supported, largest):  # type: ignore[no-untyped-def]
     along = tangential(a.crowding, a.surface_normal)
     share = a.surface_share * min(max((a.number_density - spray) / max(supported - spray, 1e-6), 0.0), 1.0)
+    coefficient = min(constant, relative * sqrt(a.relative_motion))
     return limited(-coefficient * ((1.0 - a.surface_share) * a.crowding + share * along), largest)
 
 
@@ -33,8 +36,10 @@ class FickianAlongSurface(Fickian, name="fickian-along-surface"):
 
     ids: ClassVar[tuple[str, ...]] = ()
     reference: ClassVar = "lind2012"
-    needs: ClassVar = (*Fickian.needs, CROWDING, *NORMAL_FIELDS)
+    needs: ClassVar = (*Fickian.needs, CROWDING, RELATIVE_MOTION, *NORMAL_FIELDS)
 
+    relative: float = Parameter(default=5.0, ge=0.0)
+    """Coefficient of the limit A l0 max_j |u_j - u_i| dt of D_i, by how far neighbours move against each other [1]."""
     spray: float = Parameter(default=0.5, ge=0.0, lt=1.0)
     """Fraction of n0 up to which a surface row is spray, which is not shifted [1]."""
     supported: float = Parameter(default=0.65, gt=0.0, le=1.0)
@@ -44,11 +49,12 @@ class FickianAlongSurface(Fickian, name="fickian-along-surface"):
         """Shift ``position`` of fluid rows; ``shift`` keeps the displacement."""
         constant = self.strength * lattice.spacing**2
         coefficient = advective_diffusivity(self, self.advective, constant, lattice, particles, dt)
+        relative_motion(self, lattice, particles, pairs)
         crowding_vector(self, lattice, particles, pairs)
         surface_normals(self, lattice, particles, pairs)
         n0 = number_density.n0(lattice)
         row_map(
             shift, particles, out="shift", rows=FLUID,
-            arguments=(coefficient, self.spray * n0, self.supported * n0, self.largest * lattice.spacing),
+            arguments=(coefficient, self.relative * lattice.spacing * dt, self.spray * n0, self.supported * n0, self.largest * lattice.spacing),
         )  # fmt: skip
         self.shift(lattice, particles, pairs)
