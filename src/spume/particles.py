@@ -24,7 +24,8 @@ class Field:
     Attributes:
         name: the field's name, as in ``docs/notation.md``.
         shape: () for a scalar, ("d",) for a vector, ("d", "d") for a tensor, or integers; "basis" stands for the
-            d (d + 3)/2 monomials of first and second degree.
+            d (d + 3)/2 monomials of first and second degree, "symmetric" for the d (d + 1)/2 components of a
+            symmetric tensor.
         unit: SI unit.
         doc: one sentence.
         dtype: float or int.
@@ -49,7 +50,7 @@ class Field:
 
     def value_shape(self, d: int) -> tuple[int, ...]:
         """Return the shape of one row's value in d dimensions."""
-        lengths = {"d": d, "basis": d * (d + 3) // 2}
+        lengths = {"d": d, "basis": d * (d + 3) // 2, "symmetric": d * (d + 1) // 2}
         return tuple(lengths[s] if isinstance(s, str) else s for s in self.shape)
 
 

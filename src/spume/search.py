@@ -1,8 +1,8 @@
 """Neighbour search: rows sorted by cell, then a list of near rows for each fluid and wall row.
 
 A counting sort brings the rows into cell order (x fastest; within a cell by id, so that the order
-does not depend on threads). Three neighbouring cells along x are then one contiguous range of rows,
-and the search walks 3 (2D) or 9 (3D) such ranges per row. Lists are written in one pass: a block of
+does not depend on threads). Neighbouring cells along x are then one contiguous range of rows, and the
+search walks 3 (2D) or 9 (3D) such ranges per row (``ranges.py``). Lists are written in one pass: a block of
 rows shares a stretch of storage, inside which its lists are packed; the stretch grows when it overflows.
 
 Solid rows that no fluid is near come last in the table, sorted alike: the loops of a step end before them
@@ -18,13 +18,8 @@ from numpy.typing import NDArray
 
 from spume import kernels
 from spume.lattice import regular_neighbours
-from spume.particles import FLUID, WALL, Particles
-
-LISTED = FLUID | WALL
-"""Kinds of rows that own a list; dummy rows appear only as neighbours."""
-
-_CELLS_PER_REACH = 1
-"""Cells are this many times smaller than the search radius: fewer distance tests, more ranges to walk."""
+from spume.particles import FLUID, Particles
+from spume.ranges import CELLS_PER_REACH, list_kernel
 
 _WET_REACHES = 2
 """A solid row is dry, and takes no part, if no fluid lies within this many search radii of it, counted in cells.
@@ -54,6 +49,7 @@ class NeighbourList:
         start: first slot of each row's list (int64).
         length: number of neighbours of each row (int32).
         neighbour: row numbers.
+        met: kinds of a row's neighbours, joined by OR: 1 says that it sees fluid alone.
         builds: how many times the list was built.
         current_skin: skin of the present list [m]: ``skin`` in calm flow, 0 where rows move too fast for it.
     """
@@ -194,7 +190,7 @@ class NeighbourList:
 
     def bytes(self) -> int:
         """Return the memory of the list [bytes]."""
-        return 12 * self._capacity + 4 * self._blocks * self._slots_per_block
+        return 16 * self._capacity + 4 * self._blocks * self._slots_per_block
 
     def _reserve(self, particles: Particles) -> None:
         if self._capacity == particles.capacity:
@@ -202,6 +198,7 @@ class NeighbourList:
         self._capacity = particles.capacity
         self.start = kernels.array(kernels.i64, self._capacity)
         self.length = kernels.array(kernels.i32, self._capacity)
+        self.met = kernels.array(kernels.i32, self._capacity)
         self._cell = kernels.array(kernels.i32, self._capacity)
         self._order = kernels.array(kernels.i32, self._capacity)
         self._built = kernels.array(kernels.vector(particles.dimension), self._capacity)
@@ -237,14 +234,13 @@ class NeighbourList:
             self._home = low - 0.5 * extent, high + 0.5 * extent
         low, high = np.maximum(low, self._home[0]), np.minimum(high, self._home[1])
         low, high = np.minimum(low, high), np.maximum(low, high)
-        reach = (self.radius + self.current_skin) / _CELLS_PER_REACH
         joined = np.array(self.periodic)
         low = np.where(joined, self.lower, low)
         extent = np.where(joined, self.upper - self.lower, high - low)
-        size = np.full(len(low), reach)
+        size = (self.radius + self.current_skin) / np.array(CELLS_PER_REACH[: len(low)])
         while True:
             shape = np.where(joined, np.floor(extent / size), np.floor(extent / size) + 1).astype(np.int64)
-            shape = np.maximum(shape, np.where(joined, 2 * _CELLS_PER_REACH + 1, 1))
+            shape = np.maximum(shape, np.where(joined, 3, 1))
             if shape.prod() <= max(4 * count, 1 << 16):
                 break
             size = size * 1.5
@@ -284,17 +280,17 @@ class NeighbourList:
         size: NDArray[np.float64],
         shape: NDArray[np.int64],
     ) -> bool:
-        d, count = particles.dimension, particles.active
+        d, count, reach = particles.dimension, particles.active, self.radius + self.current_skin
         self._flag.fill(0)
-        _list_kernel(d, self.periodic)(
-            particles["position"], particles["kind"], self._cell_start, self.start, self.length, self.neighbour,
-            self._flag, count, self._rows_per_block, self._slots_per_block, self.radius + self.current_skin,
+        list_kernel(d, self.periodic)(
+            particles["position"], particles["kind"], self._cell_start, self.start, self.length, self.met,
+            self.neighbour, self._flag, count, self._rows_per_block, self._slots_per_block, reach,
             *map(float, origin), *map(float, size), *[int(s) for s in shape], *self.period,
         )  # fmt: skip
         return int(kernels.host(self._flag)[0]) <= self._slots_per_block
 
 
-_SCAN_BLOCKS, _MANY_BLOCKS = 256, 512
+_SCAN_BLOCKS = 256
 
 
 def _types(d: int) -> tuple[Any, Any, Any, Any]:
@@ -391,7 +387,7 @@ def _cell_kernel(d: int, periodic: tuple[bool, ...], serial: bool) -> Any:
     """
     Vectors, Rows, _, real = _types(d)
     axes = range(d)
-    w = _WET_REACHES * _CELLS_PER_REACH
+    w = [_WET_REACHES * cells for cells in CELLS_PER_REACH]
     parameters = [f"origin{k}: real" for k in axes] + [f"size{k}: real" for k in axes]
     parameters += [f"shape{k}: qd.i32" for k in axes]
     index = [
@@ -404,8 +400,8 @@ def _cell_kernel(d: int, periodic: tuple[bool, ...], serial: bool) -> Any:
         f"{n}0 + blocks0 * {n}1" if d == 2 else f"{n}0 + blocks0 * ({n}1 + blocks1 * {n}2)" for n in ("b", "n")
     )
     # A last block that is not full leaves its neighbour too near: it is joined to the one before.
-    blocks = [f"    blocks{k} = qd.max(shape{k} // {w}, 1)" for k in axes]
-    of_row = [f"        b{k} = qd.min(c{k} // {w}, blocks{k} - 1)" for k in axes]
+    blocks = [f"    blocks{k} = qd.max(shape{k} // {w[k]}, 1)" for k in axes]
+    of_row = [f"        b{k} = qd.min(c{k} // {w[k]}, blocks{k} - 1)" for k in axes]
     walk, indent = [], "        "
     for k in reversed(axes):
         walk.append(f"{indent}for o{k} in range(-1, 2):")
@@ -515,86 +511,3 @@ def _scatter_kernel(serial: bool) -> Any:
                 changed[0] = 1
 
     return scatter
-
-
-@kernels.cached
-def _list_kernel(d: int, periodic: tuple[bool, ...]) -> Any:
-    """Generate the walk over cell rows; a cell row is a contiguous range of table rows."""
-    (Vectors, Rows, Starts, real), axes, spread = _types(d), range(d), kernels.spread(_MANY_BLOCKS)
-    parameters = [f"origin{k}: real" for k in axes] + [f"size{k}: real" for k in axes]
-    parameters += [f"shape{k}: qd.i32" for k in axes] + [f"period{k}: real" for k in axes]
-    m = _CELLS_PER_REACH
-    indent = "            "
-    body = [
-        f"{indent}c{k} = qd.min(qd.max(qd.cast(qd.floor((x[{k}] - origin{k}) / size{k}), qd.i32), 0), shape{k} - 1)"
-        for k in axes
-    ]
-    loops = indent
-    for k in reversed(range(1, d)):
-        if periodic[k]:
-            body.append(f"{loops}for o{k} in range(-{m}, {m} + 1):")
-            body.append(f"{loops}    n{k} = (c{k} + o{k} + shape{k}) % shape{k}")
-        else:
-            body.append(f"{loops}for n{k} in range(qd.max(c{k} - {m}, 0), qd.min(c{k} + {m} + 1, shape{k})):")
-        loops += "    "
-    base = "shape0 * n1" if d == 2 else "shape0 * (n1 + shape1 * n2)"
-    body.append(f"{loops}base = {base}")
-    body.append(f"{loops}segments = 1")
-    if periodic[0]:
-        body.append(f"{loops}if c0 < {m} or c0 >= shape0 - {m}:")
-        body.append(f"{loops}    segments = 2")
-    body += [
-        f"{loops}for segment in range(segments):",
-        f"{loops}    low = cell_start[base + qd.max(c0 - {m}, 0)]",
-        f"{loops}    high = cell_start[base + qd.min(c0 + {m} + 1, shape0)]",
-    ]
-    if periodic[0]:
-        body += [
-            f"{loops}    if segment == 1:",
-            f"{loops}        low = cell_start[base + qd.select(c0 < {m}, shape0 + c0 - {m}, 0)]",
-            f"{loops}        high = cell_start[base + qd.select(c0 < {m}, shape0, c0 + {m} + 1 - shape0)]",
-        ]
-    body += [
-        f"{loops}    for j in range(low, high):",
-        f"{loops}        r = position[j] - x",
-        *[
-            f"{loops}        r[{k}] -= period{k} * qd.round(r[{k}] / period{k})"
-            for k, joined in enumerate(periodic)
-            if joined
-        ],
-        # Written without a branch: one candidate in six is near, which no branch predictor can guess.
-        f"{loops}        neighbour[first + qd.min(used, slots - 1)] = j",
-        f"{loops}        used += qd.cast(r.dot(r) < reach * reach, qd.i32) & qd.cast(j != i, qd.i32)",
-    ]
-    lines = [
-        "def fill(position: Vectors, kind: Rows, cell_start: Rows, start: Starts, length: Rows, neighbour: Rows,",
-        "         flag: Rows, count: qd.i32, rows_per_block: qd.i32, slots: qd.i32, reach: real,",
-        f"         {', '.join(parameters)}):",
-        "    qd.loop_config(serialize=serial)",
-        f"    for t in range((count + rows_per_block - 1) // rows_per_block * {spread}):",
-        f"        block = t // {spread}",
-        "        first = qd.cast(block, qd.i64) * slots",
-        "        used = 0",
-        "        beyond = qd.min((block + 1) * rows_per_block, count)",
-        f"        for i in range(block * rows_per_block, qd.select(t % {spread} == 0, beyond, 0)):",
-        "            before = used",
-        "            start[i] = first + used",
-        "            length[i] = 0",
-        f"            if kind[i] & {LISTED} != 0:",
-        "                x = position[i]",
-        *["    " + line for line in body],
-        # A wall row that sees no fluid takes part in nothing: its list is dropped.
-        f"                if kind[i] & {FLUID} == 0:",
-        "                    wet = 0",
-        "                    for k in range(qd.min(before, slots - 1), qd.min(used, slots - 1)):",
-        f"                        wet |= kind[neighbour[first + k]] & {FLUID}",
-        "                    if wet == 0:",
-        "                        used = before",
-        "                length[i] = qd.min(used, slots) - qd.min(before, slots)",
-        "        if used > slots:",
-        "            qd.atomic_max(flag[0], used)",
-    ]
-    return kernels.compiled(
-        "fill", "\n".join(lines) + "\n", Vectors=Vectors, Rows=Rows, Starts=Starts, real=real,
-        serial=kernels.runtime().serial,
-    )  # fmt: skip

@@ -3,9 +3,9 @@
 from typing import Any, ClassVar
 
 from spume.lattice import Lattice
-from spume.pairs import Pairs, row_map, row_term
+from spume.pairs import Pairs, PairSum, row_map, row_term
 from spume.particles import FLUID, WALL, Particles
-from spume.schemes.crowding import CROWDING, crowding_vector, flat_surface_gradient
+from spume.schemes.crowding import CROWDING, crowding_sum, crowding_vector, flat_surface_gradient
 from spume.schemes.free_surface.base import nothing
 from spume.schemes.free_surface.blended import Blended
 
@@ -33,6 +33,10 @@ class Imaged(Blended, name="imaged"):
     reference: ClassVar = "liu2018"
     known: ClassVar = False
     needs: ClassVar = (*Blended.needs, CROWDING)
+
+    def sums(self, lattice: Lattice) -> tuple[PairSum, ...]:
+        """Return the crowding."""
+        return (crowding_sum(self, lattice),)
 
     def draw(self, lattice: Lattice, particles: Particles, laplacian: Any, number_density: Any) -> None:
         """Write ``surface_diagonal`` = (4/l0) theta |s|/rho [m/kg] and the ``surface_value`` zero."""

@@ -5,23 +5,22 @@ from typing import ClassVar
 from pydantic import Field as Parameter
 
 from spume.lattice import Lattice
-from spume.pairs import Pairs, PairView, pair_sum, pair_term
+from spume.pairs import Pairs, PairView, pair_sum, pair_sums, pair_term
 from spume.particles import ANY, Particles
-from spume.schemes.correction import CORRECTION, floored_inverse
-from spume.schemes.crowding import CROWDING, crowding_vector
+from spume.schemes.correction import SECOND_MOMENT, floored_inverse, second_moment_sum, symmetric_matrix
+from spume.schemes.crowding import CROWDING, crowding_sum
 from spume.schemes.free_surface.base import SURFACE_SHARE
 from spume.schemes.gradient.base import Gradient
-from spume.schemes.gradient.completed import difference
 
 
-def _inverse(a, total, scale, floor, l0):  # type: ignore[no-untyped-def]
+def _corrected(a, total, scale, floor, l0):  # type: ignore[no-untyped-def]
     images = (a.surface_share * l0 / max(a.crowding.norm(), 1e-9 / l0)) * a.crowding.outer_product(a.crowding)
-    return floored_inverse(scale * total + images, floor)
+    return scale * floored_inverse(scale * symmetric_matrix(a.second_moment) + images, floor) @ total
 
 
-@pair_term(reads=("surface_share", "crowding"), shape=("d", "d"), finish=_inverse)
-def imaged_moment(a, b, r, w, scale, floor, l0):  # type: ignore[no-untyped-def]
-    return r.outer_product(r) * (w / r.dot(r))
+@pair_term(reads=("value", "second_moment", "surface_share", "crowding"), shape=("d",), finish=_corrected)
+def difference(a, b, r, w, scale, floor, l0):  # type: ignore[no-untyped-def]
+    return (b.value - a.value + 2.0 * a.surface_share * a.value) * (w / r.dot(r)) * r
 
 
 class Imaged(Gradient, name="imaged"):
@@ -37,7 +36,7 @@ class Imaged(Gradient, name="imaged"):
 
     reference: ClassVar = "liu2018"
     order: ClassVar = 0
-    needs: ClassVar = (CORRECTION, SURFACE_SHARE, CROWDING)
+    needs: ClassVar = (SECOND_MOMENT, SURFACE_SHARE, CROWDING)
     completes: ClassVar = True
 
     floor: float = Parameter(default=0.3, gt=0.0, le=1.0)
@@ -49,13 +48,9 @@ class Imaged(Gradient, name="imaged"):
         dt: float = 0.0, moved: bool = True,
     ) -> None:  # fmt: skip
         """Write the gradient of ``phi`` at fluid rows into ``out``."""
-        crowding_vector(self, lattice, particles, pairs)
-        scale = lattice.dimension / self.n0(lattice)
-        pair_sum(
-            imaged_moment, particles, pairs, out="correction", weight=self.weight, re=self.radius(lattice), over=over,
-            arguments=(scale, self.floor, lattice.spacing),
-        )  # fmt: skip
+        pair_sums((crowding_sum(self, lattice), second_moment_sum(self, lattice, over)), particles, pairs)
         pair_sum(
             difference, particles, pairs, out=out, weight=self.weight, re=self.radius(lattice), over=over,
-            arguments=(scale,), fields={"value": phi}, view=view,
+            arguments=(lattice.dimension / self.n0(lattice), self.floor, lattice.spacing), fields={"value": phi},
+            view=view,
         )  # fmt: skip

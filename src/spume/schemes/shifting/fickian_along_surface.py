@@ -16,9 +16,11 @@ from spume.schemes.shifting.fickian import Fickian
 
 @row_term(reads=("crowding", "surface_share", "surface_normal", "number_density"))
 def shift(a, coefficient, spray, supported, largest):  # type: ignore[no-untyped-def]
-    along = tangential(a.crowding, a.surface_normal)
-    share = a.surface_share * min(max((a.number_density - spray) / max(supported - spray, 1e-6), 0.0), 1.0)
-    return limited(-coefficient * ((1.0 - a.surface_share) * a.crowding + share * along), largest)
+    move = (1.0 - a.surface_share) * a.crowding
+    if a.surface_share > 0.0:
+        share = a.surface_share * min(max((a.number_density - spray) / max(supported - spray, 1e-6), 0.0), 1.0)
+        move += share * tangential(a.crowding, a.surface_normal)
+    return limited(-coefficient * move, largest)
 
 
 class FickianAlongSurface(Fickian, name="fickian-along-surface"):
@@ -45,7 +47,7 @@ class FickianAlongSurface(Fickian, name="fickian-along-surface"):
         constant = self.strength * lattice.spacing**2
         coefficient = advective_diffusivity(self, self.advective, constant, lattice, particles, dt)
         crowding_vector(self, lattice, particles, pairs)
-        surface_normals(self, lattice, particles, pairs)
+        surface_normals(self, lattice, particles, pairs, where="surface_share")
         n0 = number_density.n0(lattice)
         row_map(
             shift, particles, out="shift", rows=FLUID,
