@@ -18,7 +18,7 @@ few = settings(
 def lists(particles, pairs):
     """Return the neighbours of each row as sets of ids, by id."""
     start, length = pairs.list.start.to_numpy(), pairs.list.length.to_numpy()
-    neighbour, ids = pairs.list.neighbour.to_numpy(), particles.numpy("id")
+    neighbour, ids = pairs.list.chunks[0].neighbour.to_numpy(), particles.numpy("id")
     found = {}
     for i in range(particles.count):
         own = length[i] if i < particles.active else 0  # rows behind the active ones take no part

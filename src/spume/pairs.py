@@ -248,11 +248,12 @@ def _reduce(
         view.value if view else "", len(view.arguments) if view else 0,
         over != ANY or view is not None or re < 0.75 * list_.radius,
     )  # fmt: skip
-    kernel(
-        particles["position"], particles["kind"], list_.start, list_.length, list_.neighbour,
-        *[particles[behind.get(n, n)] for n in reads], *[particles[n] for n in outs],
-        particles.active, re, *list_.period, *arguments, *(view.arguments if view else ()),
-    )  # fmt: skip
+    for chunk in list_.chunks:
+        kernel(
+            particles["position"], particles["kind"], list_.start, list_.length, chunk.neighbour,
+            *[particles[behind.get(n, n)] for n in reads], *[particles[n] for n in outs],
+            chunk.begin, chunk.end, re, *list_.period, *arguments, *(view.arguments if view else ()),
+        )  # fmt: skip
     particles.written(*outs)
     touched = ("position", "kind", *(behind.get(n, n) for n in reads), *outs)
     particles.traffic += particles.active * (12 + particles.row_bytes(touched))
@@ -307,7 +308,7 @@ def _pair_kernel(
     for n in outs:
         scope[f"Out_{n}"] = kernels.array_type(types[n])
         parameters.append(f"out_{n}: Out_{n}")
-    parameters += ["count: qd.i32", "re: real"]
+    parameters += ["begin: qd.i32", "end: qd.i32", "re: real"]
     parameters += [f"period{k}: real" for k in range(d)] + [f"{a}: real" for a in arguments]
     more = "".join(f", {a}" for a in arguments)
     view_arguments = [f"view_argument{k}" for k in range(n_view_arguments)]
@@ -349,7 +350,7 @@ def _pair_kernel(
     lines = [
         f"def pair_{operation}({', '.join(parameters)}):",
         "    qd.loop_config(serialize=serial)",
-        "    for i in range(count):",
+        "    for i in range(begin, end):",
         f"        if kind[i] & {rows} != 0:",
         f"            a = {loading.format(row='i')}",
         *[f"            {line}" for line in begin],
