@@ -19,7 +19,7 @@ few = settings(
 def lists(particles, pairs):
     """Return the neighbours of each row as sets of ids, by id."""
     start, length = pairs.list.start.to_numpy(), pairs.list.length.to_numpy()
-    neighbour, ids = pairs.list.neighbour.to_numpy(), particles.numpy("id")
+    neighbour, ids = pairs.list.chunks[0].neighbour.to_numpy(), particles.numpy("id")
     found = {}
     for i in range(particles.count):
         own = length[i] if i < particles.active else 0  # rows behind the active ones take no part
@@ -115,7 +115,7 @@ def test_kinds_that_a_row_meets():
     kind = rng.choice([FLUID, FLUID, FLUID, WALL, DUMMY], 200)
     _, particles, pairs = table(rng.uniform(0, 2, (200, 2)), kind=kind)
     found, start, length = pairs.list, pairs.list.start.to_numpy(), pairs.list.length.to_numpy()
-    rows, neighbour, kind = found.met.to_numpy(), found.neighbour.to_numpy(), particles.numpy("kind")
+    rows, neighbour, kind = found.met.to_numpy(), found.chunks[0].neighbour.to_numpy(), particles.numpy("kind")
     expected = [np.bitwise_or.reduce(kind[neighbour[s : s + n]]) for s, n in zip(start, length, strict=True)]
     assert np.array_equal(
         rows[: particles.active][kind != DUMMY], np.array(expected[: particles.active])[kind != DUMMY]

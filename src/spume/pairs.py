@@ -316,13 +316,14 @@ def _reduce(
         operation, parts, signature, particles.dimension, pairs.periodic, view.formula if view else None, reads,
         view.value if view else "", len(view.arguments) if view else 0, max(radii) < 0.75 * list_.radius, bool(where),
     )  # fmt: skip
-    kernel(
-        particles["position"], particles["kind"], list_.start, list_.length, list_.met, list_.neighbour,
-        *([particles[where]] if where else []),
-        *[particles[behind.get(n, n)] for n in reads], *[particles[n] for n in outs],
-        particles.active, *radii, *list_.period, *[a for s in sums for a in s.arguments],
-        *(view.arguments if view else ()),
-    )  # fmt: skip
+    for chunk in list_.chunks:
+        kernel(
+            particles["position"], particles["kind"], list_.start, list_.length, list_.met, chunk.neighbour,
+            *([particles[where]] if where else []),
+            *[particles[behind.get(n, n)] for n in reads], *[particles[n] for n in outs],
+            chunk.begin, chunk.end, *radii, *list_.period, *[a for s in sums for a in s.arguments],
+            *(view.arguments if view else ()),
+        )  # fmt: skip
     particles.written(*outs)
     touched = ("position", "kind", *(behind.get(n, n) for n in reads), *outs)
     particles.traffic += particles.active * (12 + particles.row_bytes(touched))
@@ -375,7 +376,8 @@ def _pair_kernel(
     for n in (n for part in parts for n in part.outs):
         scope[f"Out_{n}"] = kernels.array_type(types[n])
         parameters.append(f"out_{n}: Out_{n}")
-    parameters += ["count: qd.i32", *[f"re{k}: real" for k in range(1 + max(part.radius for part in parts))]]
+    parameters += ["begin: qd.i32", "end: qd.i32"]
+    parameters += [f"re{k}: real" for k in range(1 + max(part.radius for part in parts))]
     parameters += [f"period{k}: real" for k in range(d)]
     parameters += [f"argument{p}_{k}: real" for p, part in enumerate(parts) for k in range(part.n_arguments)]
     view_arguments = [f"view_argument{k}" for k in range(n_view_arguments)]
@@ -435,7 +437,7 @@ def _pair_kernel(
         return looping + [f"    {line}" for line in lines]
 
     lines = [f"def pair_{operation}({', '.join(parameters)}):", "    qd.loop_config(serialize=serial)"]
-    lines += ["    for i in range(count):"]
+    lines += ["    for i in range(begin, end):"]
     for kinds, chosen in _by_kind(parts):
         body = [f"a = {loading.format(row='i')}", *[line for p in chosen for line in begin[p]]]
         body += ["first = start[i]", "x = position[i]"]

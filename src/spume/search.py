@@ -4,6 +4,7 @@ A counting sort brings the rows into cell order (x fastest; within a cell by id,
 does not depend on threads). Neighbouring cells along x are then one contiguous range of rows, and the
 search walks 3 (2D) or 9 (3D) such ranges per row (``ranges.py``). Lists are written in one pass: a block of
 rows shares a stretch of storage, inside which its lists are packed; the stretch grows when it overflows.
+Blocks lie in as many arrays as they need (``chunks.py``).
 
 Solid rows that no fluid is near come last in the table, sorted alike: the loops of a step end before them
 (``Particles.active``), so the walls of a large empty tank cost next to nothing.
@@ -16,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from spume import kernels
+from spume import chunks, kernels
 from spume.lattice import regular_neighbours
 from spume.particles import FLUID, Particles
 from spume.ranges import CELLS_PER_REACH, list_kernel
@@ -35,8 +36,6 @@ _REDUCTION_BLOCKS = 128
 _CROWDED = 20
 """Lists that are this many times longer than on the regular arrangement are those of rows that fell together."""
 
-LONGEST_ARRAY = 2**31 - 1
-
 
 class TooManyNeighbours(RuntimeError):
     """The rows lie so close that no list of neighbours holds them."""
@@ -46,10 +45,10 @@ class NeighbourList:
     """Rows near each row, stored as 64-bit starts, lengths and row numbers.
 
     Attributes:
-        start: first slot of each row's list (int64).
+        start: first slot of each row's list in its chunk (int64).
         length: number of neighbours of each row (int32).
-        neighbour: row numbers.
         met: kinds of a row's neighbours, joined by OR: 1 says that it sees fluid alone.
+        chunks: the rows as they were cut at the last build, with their neighbours.
         builds: how many times the list was built.
         current_skin: skin of the present list [m]: ``skin`` in calm flow, 0 where rows move too fast for it.
     """
@@ -74,16 +73,14 @@ class NeighbourList:
                     f"radius, {3 * (radius + skin):g} m"
                 )
         self.builds = 0
-        self.neighbour: Any = None
+        self.chunks: list[chunks.Chunk] = []
         self.current_skin = skin
         self._updates = 0
         self._home: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
         self._cells_built: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]] | None = None
         self._capacity = 0
-        self._blocks = 0
         self._cells = 0
-        self._slots_per_block = 0
-        self._rows_per_block = 64 if kernels.runtime().device == "cpu" else 1
+        self._storage = chunks.Storage()
         d = len(lower)
         self._partial = kernels.array(kernels.vector(d), 2 * _REDUCTION_BLOCKS)
         self._flag = kernels.array(kernels.i32, 1)
@@ -159,19 +156,18 @@ class NeighbourList:
     def _sort_and_list(self, particles: Particles) -> None:
         assert self._cells_built is not None
         self._sort(particles, *self._cells_built)
-        if particles.active > self._blocks * self._rows_per_block or self.neighbour is None:
-            self._blocks = int(1.05 * particles.active / self._rows_per_block) + 16
-            self._allocate_slots()
+        self._cut(particles.active)
         while not self._fill(particles, *self._cells_built):
             used = int(kernels.host(self._flag)[0])
             slots = int(1.06 * used) + 16
-            if used > _CROWDED * self._regular_slots(particles) or self._blocks * slots > LONGEST_ARRAY:
+            if used > _CROWDED * self._regular_slots(particles) or slots > chunks.MOST_ENTRIES:
+                block = self._storage.rows_per_block
                 raise TooManyNeighbours(
-                    f"{used / self._rows_per_block:.0f} neighbours a row, where the regular arrangement has "
-                    f"{self._regular_slots(particles) / self._rows_per_block:.0f}"
+                    f"{used / block:.0f} neighbours a row, where the regular arrangement has "
+                    f"{self._regular_slots(particles) / block:.0f}"
                 )
-            self._slots_per_block = slots
-            self._allocate_slots()
+            self._storage.slots_per_block = slots
+            self._cut(particles.active)
         if self.skin > 0:
             _copy_kernel(particles.dimension)(particles["position"], self._built, particles.count)
         particles.changed = False
@@ -186,11 +182,11 @@ class NeighbourList:
     def _regular_slots(self, particles: Particles) -> float:
         """Return the neighbours that a block of rows has on the regular arrangement."""
         reach = (self.radius + self.skin) / particles.spacing
-        return regular_neighbours(reach, particles.dimension) * self._rows_per_block
+        return regular_neighbours(reach, particles.dimension) * self._storage.rows_per_block
 
     def bytes(self) -> int:
         """Return the memory of the list [bytes]."""
-        return 16 * self._capacity + 4 * self._blocks * self._slots_per_block
+        return 16 * self._capacity + 4 * self._storage.slots
 
     def _reserve(self, particles: Particles) -> None:
         if self._capacity == particles.capacity:
@@ -202,12 +198,13 @@ class NeighbourList:
         self._cell = kernels.array(kernels.i32, self._capacity)
         self._order = kernels.array(kernels.i32, self._capacity)
         self._built = kernels.array(kernels.vector(particles.dimension), self._capacity)
-        if not self._slots_per_block:
-            self._slots_per_block = int(0.9 * self._regular_slots(particles)) + 64
-        self._blocks = 0
+        if not self._storage.slots_per_block:
+            self._storage.slots_per_block = int(0.9 * self._regular_slots(particles)) + 64
+        self._storage.blocks = 0
 
-    def _allocate_slots(self) -> None:
-        self.neighbour = kernels.array(kernels.i32, self._blocks * self._slots_per_block)
+    def _cut(self, rows: int) -> None:
+        self.chunks = []  # or they would keep arrays alive that give way to larger ones
+        self.chunks = self._storage.cut(rows)
 
     def _wrap_and_bound(self, particles: Particles) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         d = particles.dimension
@@ -241,7 +238,7 @@ class NeighbourList:
         while True:
             shape = np.where(joined, np.floor(extent / size), np.floor(extent / size) + 1).astype(np.int64)
             shape = np.maximum(shape, np.where(joined, 3, 1))
-            if shape.prod() <= max(4 * count, 1 << 16):
+            if shape.prod() <= min(max(4 * count, 1 << 16), kernels.LONGEST_ARRAY // 4 - 1):
                 break
             size = size * 1.5
         return low, np.where(joined, extent / shape, size), shape
@@ -255,7 +252,7 @@ class NeighbourList:
     ) -> None:
         d, count, cells = particles.dimension, particles.count, int(shape.prod())
         if 2 * cells + 1 > self._cells:
-            self._cells = 2 * (2 * cells + 1)
+            self._cells = min(2 * (2 * cells + 1), kernels.LONGEST_ARRAY)
             self._near = kernels.array(kernels.i32, self._cells)
             self._cell_start = kernels.array(kernels.i32, self._cells)
             self._cursor = kernels.array(kernels.i32, self._cells)
@@ -280,14 +277,16 @@ class NeighbourList:
         size: NDArray[np.float64],
         shape: NDArray[np.int64],
     ) -> bool:
-        d, count, reach = particles.dimension, particles.active, self.radius + self.current_skin
+        kernel, storage = list_kernel(particles.dimension, self.periodic), self._storage
         self._flag.fill(0)
-        list_kernel(d, self.periodic)(
-            particles["position"], particles["kind"], self._cell_start, self.start, self.length, self.met,
-            self.neighbour, self._flag, count, self._rows_per_block, self._slots_per_block, reach,
-            *map(float, origin), *map(float, size), *[int(s) for s in shape], *self.period,
-        )  # fmt: skip
-        return int(kernels.host(self._flag)[0]) <= self._slots_per_block
+        for chunk in self.chunks:
+            kernel(
+                particles["position"], particles["kind"], self._cell_start, self.start, self.length, self.met,
+                chunk.neighbour, self._flag, chunk.begin, chunk.end, storage.rows_per_block, storage.slots_per_block,
+                self.radius + self.current_skin,
+                *map(float, origin), *map(float, size), *[int(s) for s in shape], *self.period,
+            )  # fmt: skip
+        return int(kernels.host(self._flag)[0]) <= storage.slots_per_block
 
 
 _SCAN_BLOCKS = 256

@@ -51,7 +51,9 @@ def sparse(particles, system):
     unknown = np.flatnonzero(particles.numpy("row_state") == UNKNOWN)
     rows = np.repeat(np.arange(n), length)
     slots = np.repeat(system.start.to_numpy()[:n] - np.cumsum(length) + length, length) + np.arange(length.sum())
-    matrix = scipy.sparse.csr_matrix((system.value.to_numpy()[slots], (rows, system.column.to_numpy()[slots])), (n, n))
+    matrix = scipy.sparse.csr_matrix(
+        (system.values[0].to_numpy()[slots], (rows, system.columns[0].to_numpy()[slots])), (n, n)
+    )
     matrix += scipy.sparse.diags(particles.numpy("diagonal"))
     return matrix.tocsr()[unknown][:, unknown], particles.numpy("rhs")[unknown], unknown
 

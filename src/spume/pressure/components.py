@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from spume import kernels
 from spume.particles import Field, Particles
+from spume.pressure.entries import Entries, entry_functions, matrix_type
 from spume.pressure.matrix import UNKNOWN, LinearSystem
 
 COMPONENT = Field("component", (), "1", "smallest row number of the row's connected component", int)
@@ -25,15 +26,12 @@ class Components:
 
     def project(self, system: LinearSystem, particles: Particles) -> list[NDArray[np.intp]]:
         """Make the right side of each floating component sum to zero; return the components' rows, shape (rows,)."""
-        kernel = _label_kernel()
+        kernel, matrix = _label_kernel(system.entries), system.matrix(particles)
         state, label = particles[system.state], particles["component"]
         _start_kernel()(state, label, particles.active)
         while True:
             self._changed.fill(0)
-            kernel(
-                system.start, particles[system.length], system.column, state, label,
-                particles[system.grounded], self._changed, particles.active,
-            )  # fmt: skip
+            kernel(matrix, state, label, particles[system.grounded], self._changed, particles.active)
             if kernels.host(self._changed)[0] == 0:
                 break
         self._floating.fill(0)
@@ -77,23 +75,22 @@ def _start_kernel() -> Any:
 
 
 @kernels.cached
-def _label_kernel() -> Any:
+def _label_kernel(entries: Entries) -> Any:
     """One round of hooking and pointer jumping: rounds grow with the logarithm of the component's size."""
-    Rows = kernels.array_type(kernels.i32)
+    Rows, Matrix = kernels.array_type(kernels.i32), matrix_type(entries)
+    entry = entry_functions(Matrix, entries)
     serial, qd = kernels.runtime().serial, kernels.qd
 
     @kernels.kernel
-    def label_round(
-        start: Rows, length: Rows, column: Rows, state: Rows, label: Rows,
-        grounded: Rows, changed: Rows, count: kernels.i32,
-    ):  # fmt: skip
+    def label_round(matrix: Matrix, state: Rows, label: Rows, grounded: Rows, changed: Rows, count: kernels.i32):
         qd.loop_config(serialize=serial)
         for i in range(count):
             if state[i] == UNKNOWN:
                 least = label[i]
-                first = start[i]
-                for k in range(first, first + length[i]):
-                    least = qd.min(least, label[column[k]])
+                first = matrix.start[i]
+                chunk = entry.chunk(matrix, i)
+                for k in range(first, first + matrix.length[i]):
+                    least = qd.min(least, label[entry.column(matrix, chunk, k)])
                 if least < label[i]:
                     qd.atomic_min(label[label[i]], least)
                     qd.atomic_min(label[i], least)
