@@ -169,7 +169,8 @@ class NeighbourList:
             self._storage.slots_per_block = slots
             self._cut(particles.active)
         if self.skin > 0:
-            _copy_kernel(particles.dimension)(particles["position"], self._built, particles.count)
+            kernel = _copy_kernel(particles.dimension, kernels.light(particles.count))
+            kernel(particles["position"], self._built, particles.count)
         particles.changed = False
         # Positions and kinds are read, starts, lengths and the neighbours themselves written.
         particles.traffic += particles.count * (12 + particles.row_bytes(("position", "kind")))
@@ -208,13 +209,13 @@ class NeighbourList:
 
     def _wrap_and_bound(self, particles: Particles) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         d = particles.dimension
-        kernel = _wrap_and_bound_kernel(d, self.periodic)
+        kernel = _wrap_and_bound_kernel(d, self.periodic, kernels.light(particles.count))
         kernel(particles["position"], self._partial, particles.count, *map(float, self.lower), *self.period)
         partial = kernels.host(self._partial)
         return partial[:_REDUCTION_BLOCKS].min(axis=0), partial[_REDUCTION_BLOCKS:].max(axis=0)
 
     def _largest_displacement_squared(self, particles: Particles) -> float:
-        kernel = _displacement_kernel(particles.dimension)
+        kernel = _displacement_kernel(particles.dimension, kernels.light(particles.count))
         kernel(particles["position"], self._built, self._partial, particles.count)
         return float(kernels.host(self._partial)[:_REDUCTION_BLOCKS, 0].max())
 
@@ -302,9 +303,8 @@ def _types(d: int) -> tuple[Any, Any, Any, Any]:
 
 
 @kernels.cached
-def _copy_kernel(d: int) -> Any:
-    Vectors, _, _, _ = _types(d)
-    serial, qd = kernels.runtime().serial, kernels.qd
+def _copy_kernel(d: int, serial: bool) -> Any:
+    (Vectors, _, _, _), qd = _types(d), kernels.qd
 
     @kernels.kernel
     def copy(source: Vectors, target: Vectors, count: kernels.i32):
@@ -316,9 +316,9 @@ def _copy_kernel(d: int) -> Any:
 
 
 @kernels.cached
-def _displacement_kernel(d: int) -> Any:
+def _displacement_kernel(d: int, serial: bool) -> Any:
     Vectors, _, _, _ = _types(d)
-    serial, qd, blocks, real = kernels.runtime().serial, kernels.qd, _REDUCTION_BLOCKS, kernels.runtime().real
+    qd, blocks, real = kernels.qd, _REDUCTION_BLOCKS, kernels.runtime().real
     huge = float(np.finfo(kernels.runtime().dtype).max)
 
     @kernels.kernel
@@ -342,7 +342,7 @@ def _displacement_kernel(d: int) -> Any:
 
 
 @kernels.cached
-def _wrap_and_bound_kernel(d: int, periodic: tuple[bool, ...]) -> Any:
+def _wrap_and_bound_kernel(d: int, periodic: tuple[bool, ...], serial: bool) -> Any:
     lower = ", ".join(f"lower{k}: real" for k in range(d))
     period = ", ".join(f"period{k}: real" for k in range(d))
     wraps = [
@@ -372,7 +372,7 @@ def _wrap_and_bound_kernel(d: int, periodic: tuple[bool, ...]) -> Any:
     ]
     return kernels.compiled(
         "wrap_and_bound", "\n".join(lines) + "\n", Vectors=Vectors, real=real, d=d,
-        Vector=kernels.vector(d), blocks=_REDUCTION_BLOCKS, serial=kernels.runtime().serial,
+        Vector=kernels.vector(d), blocks=_REDUCTION_BLOCKS, serial=serial,
         largest=float(np.finfo(kernels.runtime().dtype).max),
     )  # fmt: skip
 
