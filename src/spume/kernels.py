@@ -183,7 +183,7 @@ def worthwhile_threads(rows: int) -> int:
 
 def light(rows: int) -> bool:
     """Return whether a loop of few operations a row runs faster on one thread than through the thread pool."""
-    return runtime().serial or (runtime().device == "cpu" and rows < 120_000)
+    return runtime().serial or (runtime().device == "cpu" and rows < 40_000)
 
 
 def spread(parts: int) -> int:
