@@ -159,6 +159,6 @@ def sparse(particles: Particles, system: LinearSystem) -> tuple[Any, np.ndarray]
     unknown = np.flatnonzero(particles.numpy(system.state) == UNKNOWN)
     rows = np.repeat(np.arange(n), length)
     slots = np.repeat(system.start.to_numpy()[:n] - np.cumsum(length) + length, length) + np.arange(length.sum())
-    entries = (system.value.to_numpy()[slots], (rows, system.column.to_numpy()[slots]))
+    entries = (system.values[0].to_numpy()[slots], (rows, system.columns[0].to_numpy()[slots]))
     matrix = scipy.sparse.csr_matrix(entries, (n, n)) + scipy.sparse.diags(particles.numpy(system.diagonal))
     return matrix.tocsr()[unknown][:, unknown], particles.numpy(system.rhs)[unknown]

@@ -66,7 +66,7 @@ def measured(name: str, particles: Particles, system: LinearSystem, repeats: int
     product = product_kernel(system.real)
     rows = int((particles.numpy(system.state) == UNKNOWN).sum())
     entries = int(particles.numpy(system.length).sum())
-    arrays = [system.start, *(particles[n] for n in (system.length,)), system.column, system.value]
+    arrays = [system.start, *(particles[n] for n in (system.length,)), system.columns[0], system.values[0]]
     arrays += [particles[n] for n in (system.diagonal, system.state, "cg_direction", "cg_product")]
     particles.set("cg_direction", np.random.default_rng(0).normal(size=particles.count))
     reset(particles, system)

@@ -140,10 +140,10 @@ def test_overlapping_fluids_are_refused():
     assert "3 of the 15 particles of fluid 'oil' lie in fluid 'water', the first at (0.55, 0.05) m" in text
 
 
-def test_more_rows_than_a_list_may_have_entries_for_are_refused(monkeypatch):
-    monkeypatch.setattr("spume.search.LONGEST_ARRAY", 2000)
+def test_more_rows_than_an_array_has_indices_for_are_refused(monkeypatch):
+    monkeypatch.setattr("spume.kernels.LONGEST_ARRAY", 500)
     water = case([Fluid(name="a", shape=Box(lower=(0, 0), upper=(1, 1)))])
-    with pytest.raises(CaseError, match=r"at most 1\d\d fit.*choose a larger spacing"):
+    with pytest.raises(CaseError, match=r"at most 100 fit, .* has 5 numbers a particle, at most 500: choose a"):
         build(water)
 
 

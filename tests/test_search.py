@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from arrangements import block, offsets, table
 from spume.particles import DUMMY, FLUID, WALL
+from spume.ranges import CELLS_PER_REACH
 
 pytestmark = pytest.mark.usefixtures("runtime")
 
@@ -18,7 +19,7 @@ few = settings(
 def lists(particles, pairs):
     """Return the neighbours of each row as sets of ids, by id."""
     start, length = pairs.list.start.to_numpy(), pairs.list.length.to_numpy()
-    neighbour, ids = pairs.list.neighbour.to_numpy(), particles.numpy("id")
+    neighbour, ids = pairs.list.chunks[0].neighbour.to_numpy(), particles.numpy("id")
     found = {}
     for i in range(particles.count):
         own = length[i] if i < particles.active else 0  # rows behind the active ones take no part
@@ -103,10 +104,23 @@ def test_rows_stand_in_cell_order_and_by_id_within_a_cell(d):
     position = rng.uniform(0, 1, (300, d))
     _, particles, _ = table(position)
     x = particles.numpy("position")
-    cell = np.floor((x - x.min(axis=0)) / reach).astype(int)
+    cell = np.floor((x - x.min(axis=0)) / (reach / np.array(CELLS_PER_REACH[:d]))).astype(int)
     key = [particles.numpy("id"), *[cell[:, k] for k in range(d)]]
     assert np.array_equal(np.lexsort(key), np.arange(300)), "x fastest, by id within a cell"
     assert np.array_equal(x, position[particles.numpy("id")]), "every field moves with its row"
+
+
+def test_kinds_that_a_row_meets():
+    rng = np.random.default_rng(4)
+    kind = rng.choice([FLUID, FLUID, FLUID, WALL, DUMMY], 200)
+    _, particles, pairs = table(rng.uniform(0, 2, (200, 2)), kind=kind)
+    found, start, length = pairs.list, pairs.list.start.to_numpy(), pairs.list.length.to_numpy()
+    rows, neighbour, kind = found.met.to_numpy(), found.chunks[0].neighbour.to_numpy(), particles.numpy("kind")
+    expected = [np.bitwise_or.reduce(kind[neighbour[s : s + n]]) for s, n in zip(start, length, strict=True)]
+    assert np.array_equal(
+        rows[: particles.active][kind != DUMMY], np.array(expected[: particles.active])[kind != DUMMY]
+    )
+    assert {1, 7} <= set(rows[: particles.active]), "rows among fluid alone, and rows that meet every kind"
 
 
 def test_order_does_not_depend_on_the_order_before():

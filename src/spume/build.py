@@ -511,19 +511,25 @@ def build(
 
 
 def _refuse_too_many(case: Case, rows: int) -> None:
-    """Refuse a case whose list of neighbours would not fit into one array of the kernel language.
+    """Refuse a case of which one array would have more numbers than the kernel language has indices for.
+
+    Lists of neighbours and matrices lie in several arrays, a field and the coarse levels of the solver in one each.
 
     Raises:
         CaseError: too many rows.
     """
-    from spume.lattice import regular_neighbours
-    from spume.search import LONGEST_ARRAY
+    from spume.kernels import LONGEST_ARRAY
+    from spume.pressure.multigrid import ROOM
 
-    most = int(LONGEST_ARRAY / regular_neighbours(case.step.largest_radius() + _SKIN, case.dimension))
+    fields = (*BASE_FIELDS, *case.step.needed_fields())
+    per_row = {f"the field {f.name!r}": math.prod(f.value_shape(case.dimension)) for f in fields}
+    per_row["the solver's coarse levels"] = math.ceil(ROOM[1])
+    longest = max(per_row, key=lambda name: per_row[name])
+    most = LONGEST_ARRAY // per_row[longest]
     if rows > most:
         message = (
-            f"gives {rows:,} particles, walls included; with this effective radius at most {most:,} fit, "
-            "for a list of neighbours may have 2^31 entries: choose a larger spacing"
+            f"gives {rows:,} particles, walls included; with these models at most {most:,} fit, for the array of "
+            f"{longest} has {per_row[longest]} numbers a particle, at most {LONGEST_ARRAY:,}: choose a larger spacing"
         )
         raise CaseError([case.problem(("spacing",), message)])
 

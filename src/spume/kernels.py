@@ -34,12 +34,19 @@ sqrt = qd.sqrt
 i32, i64 = qd.i32, qd.i64
 f32 = qd.f32
 
+LONGEST_ARRAY = 2**31 - 1
+"""Numbers that one array may hold; a vector of a row counts as d of them. Beyond, 32-bit indices would wrap around."""
+
 DEVICES = ("cpu", "cuda", "vulkan", "metal", "amdgpu")
 PRECISIONS = ("double", "single")
 
 
 class DeviceError(RuntimeError):
     """The device or precision that was asked for is not to be had on this machine."""
+
+
+class ArrayTooLong(RuntimeError):
+    """More numbers were to go into one array than there are indices for."""
 
 
 @dataclass(frozen=True)
@@ -176,7 +183,7 @@ def worthwhile_threads(rows: int) -> int:
 
 def light(rows: int) -> bool:
     """Return whether a loop of few operations a row runs faster on one thread than through the thread pool."""
-    return runtime().serial or (runtime().device == "cpu" and rows < 120_000)
+    return runtime().serial or (runtime().device == "cpu" and rows < 40_000)
 
 
 def spread(parts: int) -> int:
@@ -271,7 +278,14 @@ def array_type(value: Any) -> Any:
 
 
 def array(value: Any, size: int) -> Any:
-    """Return a new device array of ``size`` zero values."""
+    """Return a new device array of ``size`` zero values.
+
+    Raises:
+        ArrayTooLong: more than ``LONGEST_ARRAY`` numbers, which the kernel language would not refuse but overrun.
+    """
+    numbers = size * getattr(value, "n", 1) * getattr(value, "m", 1)
+    if numbers > LONGEST_ARRAY:
+        raise ArrayTooLong(f"an array of {numbers:,} numbers ({size:,} values): at most {LONGEST_ARRAY:,} fit into one")
     data = qd.ndarray(value, (size,))
     data.fill(0)
     return data
@@ -305,15 +319,22 @@ def struct(**members: Any) -> Any:
 
 
 def compiled(name: str, source: str, **namespace: Any) -> Any:
-    """Compile generated source text of one function into a kernel.
+    """Compile generated source text of one function into a kernel."""
+    return qd.kernel(_defined(name, source, namespace))
 
-    The text is registered with ``linecache``, so that errors of the compiler show the line.
-    """
+
+def compiled_function(name: str, source: str, **namespace: Any) -> Any:
+    """Compile generated source text into a function that kernels call."""
+    return qd.func(_defined(name, source, namespace))
+
+
+def _defined(name: str, source: str, namespace: dict[str, Any]) -> Any:
+    """Return the function that a text defines, registered with ``linecache``: errors of the compiler show the line."""
     file = f"<spume kernel {name} {abs(hash(source)):x}>"
     linecache.cache[file] = (len(source), None, source.splitlines(True), file)
     scope = {"qd": qd, **namespace}
     exec(compile(source, file, "exec"), scope)
-    return qd.kernel(scope[name])
+    return scope[name]
 
 
 def wait() -> None:

@@ -24,7 +24,8 @@ class Field:
     Attributes:
         name: the field's name, as in ``docs/notation.md``.
         shape: () for a scalar, ("d",) for a vector, ("d", "d") for a tensor, or integers; "basis" stands for the
-            d (d + 3)/2 monomials of first and second degree.
+            d (d + 3)/2 monomials of first and second degree, "symmetric" for the d (d + 1)/2 components of a
+            symmetric tensor.
         unit: SI unit.
         doc: one sentence.
         dtype: float or int.
@@ -49,7 +50,7 @@ class Field:
 
     def value_shape(self, d: int) -> tuple[int, ...]:
         """Return the shape of one row's value in d dimensions."""
-        lengths = {"d": d, "basis": d * (d + 3) // 2}
+        lengths = {"d": d, "basis": d * (d + 3) // 2, "symmetric": d * (d + 1) // 2}
         return tuple(lengths[s] if isinstance(s, str) else s for s in self.shape)
 
 
@@ -335,7 +336,7 @@ class Particles:
         """Return the largest length of a vector field over active rows of some kinds, NaN if one is not a number."""
         if self._partial is None:
             self._partial = kernels.array(kernels.runtime().real, _REDUCTION_BLOCKS)
-        _largest_kernel(self.fields[name].value_shape(self.dimension)[0])(
+        _largest_kernel(self.fields[name].value_shape(self.dimension)[0], kernels.light(self.active))(
             self[name], self["kind"], self._partial, rows, self.active
         )
         largest = np.max(kernels.host(self._partial))
@@ -345,7 +346,9 @@ class Particles:
         """Return the sum of a scalar field over active rows of some kinds; its order does not depend on threads."""
         if self._partial is None:
             self._partial = kernels.array(kernels.runtime().real, _REDUCTION_BLOCKS)
-        _total_kernel(self.fields[name].dtype is int)(self[name], self["kind"], self._partial, rows, self.active)
+        _total_kernel(self.fields[name].dtype is int, kernels.light(self.active))(
+            self[name], self["kind"], self._partial, rows, self.active
+        )
         return float(np.sum(kernels.host(self._partial)))
 
     def smallest(self, name: str, rows: int = ANY) -> float:
@@ -359,7 +362,7 @@ class Particles:
     def _extreme(self, name: str, rows: int, largest: bool) -> float:
         if self._partial is None:
             self._partial = kernels.array(kernels.runtime().real, _REDUCTION_BLOCKS)
-        _extreme_kernel(largest)(self[name], self["kind"], self._partial, rows, self.active)
+        _extreme_kernel(largest, kernels.light(self.active))(self[name], self["kind"], self._partial, rows, self.active)
         found = kernels.host(self._partial)
         value = float(found.max() if largest else found.min())
         return value if abs(value) < np.finfo(kernels.runtime().dtype).max else 0.0
@@ -435,11 +438,11 @@ def _invert_kernel(serial: bool) -> Any:
 
 
 @kernels.cached
-def _largest_kernel(d: int) -> Any:
+def _largest_kernel(d: int, serial: bool) -> Any:
     real = kernels.runtime().real
     Vectors, Rows, Reals = (kernels.array_type(t) for t in (kernels.vector(d), kernels.i32, real))
-    serial, qd, blocks = kernels.runtime().serial, kernels.qd, _REDUCTION_BLOCKS
-    spread = kernels.spread(blocks)
+    qd, blocks = kernels.qd, _REDUCTION_BLOCKS
+    spread = 1 if serial else kernels.spread(blocks)
     huge = float(np.finfo(kernels.runtime().dtype).max)
 
     @kernels.kernel
@@ -465,11 +468,11 @@ def _largest_kernel(d: int) -> Any:
 
 
 @kernels.cached
-def _total_kernel(integer: bool) -> Any:
+def _total_kernel(integer: bool, serial: bool) -> Any:
     real = kernels.runtime().real
     Values, Rows, Reals = (kernels.array_type(t) for t in (kernels.i32 if integer else real, kernels.i32, real))
-    serial, qd, blocks = kernels.runtime().serial, kernels.qd, _REDUCTION_BLOCKS
-    spread = kernels.spread(blocks)
+    qd, blocks = kernels.qd, _REDUCTION_BLOCKS
+    spread = 1 if serial else kernels.spread(blocks)
 
     @kernels.kernel
     def total(field: Values, kind: Rows, partial: Reals, kinds: kernels.i32, count: kernels.i32):
@@ -490,11 +493,11 @@ def _total_kernel(integer: bool) -> Any:
 
 
 @kernels.cached
-def _extreme_kernel(largest: bool) -> Any:
+def _extreme_kernel(largest: bool, serial: bool) -> Any:
     real = kernels.runtime().real
     Values, Rows = (kernels.array_type(t) for t in (real, kernels.i32))
-    serial, qd, blocks = kernels.runtime().serial, kernels.qd, _REDUCTION_BLOCKS
-    spread = kernels.spread(blocks)
+    qd, blocks = kernels.qd, _REDUCTION_BLOCKS
+    spread = 1 if serial else kernels.spread(blocks)
     huge = float(np.finfo(kernels.runtime().dtype).max) * (-1.0 if largest else 1.0)
 
     @kernels.kernel

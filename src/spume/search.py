@@ -1,9 +1,10 @@
 """Neighbour search: rows sorted by cell, then a list of near rows for each fluid and wall row.
 
 A counting sort brings the rows into cell order (x fastest; within a cell by id, so that the order
-does not depend on threads). Three neighbouring cells along x are then one contiguous range of rows,
-and the search walks 3 (2D) or 9 (3D) such ranges per row. Lists are written in one pass: a block of
+does not depend on threads). Neighbouring cells along x are then one contiguous range of rows, and the
+search walks 3 (2D) or 9 (3D) such ranges per row (``ranges.py``). Lists are written in one pass: a block of
 rows shares a stretch of storage, inside which its lists are packed; the stretch grows when it overflows.
+Blocks lie in as many arrays as they need (``chunks.py``).
 
 Solid rows that no fluid is near come last in the table, sorted alike: the loops of a step end before them
 (``Particles.active``), so the walls of a large empty tank cost next to nothing.
@@ -16,15 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from spume import kernels
+from spume import chunks, kernels
 from spume.lattice import regular_neighbours
-from spume.particles import FLUID, WALL, Particles
-
-LISTED = FLUID | WALL
-"""Kinds of rows that own a list; dummy rows appear only as neighbours."""
-
-_CELLS_PER_REACH = 1
-"""Cells are this many times smaller than the search radius: fewer distance tests, more ranges to walk."""
+from spume.particles import FLUID, Particles
+from spume.ranges import CELLS_PER_REACH, list_kernel
 
 _WET_REACHES = 2
 """A solid row is dry, and takes no part, if no fluid lies within this many search radii of it, counted in cells.
@@ -40,8 +36,6 @@ _REDUCTION_BLOCKS = 128
 _CROWDED = 20
 """Lists that are this many times longer than on the regular arrangement are those of rows that fell together."""
 
-LONGEST_ARRAY = 2**31 - 1
-
 
 class TooManyNeighbours(RuntimeError):
     """The rows lie so close that no list of neighbours holds them."""
@@ -51,9 +45,10 @@ class NeighbourList:
     """Rows near each row, stored as 64-bit starts, lengths and row numbers.
 
     Attributes:
-        start: first slot of each row's list (int64).
+        start: first slot of each row's list in its chunk (int64).
         length: number of neighbours of each row (int32).
-        neighbour: row numbers.
+        met: kinds of a row's neighbours, joined by OR: 1 says that it sees fluid alone.
+        chunks: the rows as they were cut at the last build, with their neighbours.
         builds: how many times the list was built.
         current_skin: skin of the present list [m]: ``skin`` in calm flow, 0 where rows move too fast for it.
     """
@@ -78,16 +73,14 @@ class NeighbourList:
                     f"radius, {3 * (radius + skin):g} m"
                 )
         self.builds = 0
-        self.neighbour: Any = None
+        self.chunks: list[chunks.Chunk] = []
         self.current_skin = skin
         self._updates = 0
         self._home: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
         self._cells_built: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]] | None = None
         self._capacity = 0
-        self._blocks = 0
         self._cells = 0
-        self._slots_per_block = 0
-        self._rows_per_block = 64 if kernels.runtime().device == "cpu" else 1
+        self._storage = chunks.Storage()
         d = len(lower)
         self._partial = kernels.array(kernels.vector(d), 2 * _REDUCTION_BLOCKS)
         self._flag = kernels.array(kernels.i32, 1)
@@ -163,21 +156,21 @@ class NeighbourList:
     def _sort_and_list(self, particles: Particles) -> None:
         assert self._cells_built is not None
         self._sort(particles, *self._cells_built)
-        if particles.active > self._blocks * self._rows_per_block or self.neighbour is None:
-            self._blocks = int(1.05 * particles.active / self._rows_per_block) + 16
-            self._allocate_slots()
+        self._cut(particles.active)
         while not self._fill(particles, *self._cells_built):
             used = int(kernels.host(self._flag)[0])
             slots = int(1.06 * used) + 16
-            if used > _CROWDED * self._regular_slots(particles) or self._blocks * slots > LONGEST_ARRAY:
+            if used > _CROWDED * self._regular_slots(particles) or slots > chunks.MOST_ENTRIES:
+                block = self._storage.rows_per_block
                 raise TooManyNeighbours(
-                    f"{used / self._rows_per_block:.0f} neighbours a row, where the regular arrangement has "
-                    f"{self._regular_slots(particles) / self._rows_per_block:.0f}"
+                    f"{used / block:.0f} neighbours a row, where the regular arrangement has "
+                    f"{self._regular_slots(particles) / block:.0f}"
                 )
-            self._slots_per_block = slots
-            self._allocate_slots()
+            self._storage.slots_per_block = slots
+            self._cut(particles.active)
         if self.skin > 0:
-            _copy_kernel(particles.dimension)(particles["position"], self._built, particles.count)
+            kernel = _copy_kernel(particles.dimension, kernels.light(particles.count))
+            kernel(particles["position"], self._built, particles.count)
         particles.changed = False
         # Positions and kinds are read, starts, lengths and the neighbours themselves written.
         particles.traffic += particles.count * (12 + particles.row_bytes(("position", "kind")))
@@ -190,11 +183,11 @@ class NeighbourList:
     def _regular_slots(self, particles: Particles) -> float:
         """Return the neighbours that a block of rows has on the regular arrangement."""
         reach = (self.radius + self.skin) / particles.spacing
-        return regular_neighbours(reach, particles.dimension) * self._rows_per_block
+        return regular_neighbours(reach, particles.dimension) * self._storage.rows_per_block
 
     def bytes(self) -> int:
         """Return the memory of the list [bytes]."""
-        return 12 * self._capacity + 4 * self._blocks * self._slots_per_block
+        return 16 * self._capacity + 4 * self._storage.slots
 
     def _reserve(self, particles: Particles) -> None:
         if self._capacity == particles.capacity:
@@ -202,25 +195,27 @@ class NeighbourList:
         self._capacity = particles.capacity
         self.start = kernels.array(kernels.i64, self._capacity)
         self.length = kernels.array(kernels.i32, self._capacity)
+        self.met = kernels.array(kernels.i32, self._capacity)
         self._cell = kernels.array(kernels.i32, self._capacity)
         self._order = kernels.array(kernels.i32, self._capacity)
         self._built = kernels.array(kernels.vector(particles.dimension), self._capacity)
-        if not self._slots_per_block:
-            self._slots_per_block = int(0.9 * self._regular_slots(particles)) + 64
-        self._blocks = 0
+        if not self._storage.slots_per_block:
+            self._storage.slots_per_block = int(0.9 * self._regular_slots(particles)) + 64
+        self._storage.blocks = 0
 
-    def _allocate_slots(self) -> None:
-        self.neighbour = kernels.array(kernels.i32, self._blocks * self._slots_per_block)
+    def _cut(self, rows: int) -> None:
+        self.chunks = []  # or they would keep arrays alive that give way to larger ones
+        self.chunks = self._storage.cut(rows)
 
     def _wrap_and_bound(self, particles: Particles) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         d = particles.dimension
-        kernel = _wrap_and_bound_kernel(d, self.periodic)
+        kernel = _wrap_and_bound_kernel(d, self.periodic, kernels.light(particles.count))
         kernel(particles["position"], self._partial, particles.count, *map(float, self.lower), *self.period)
         partial = kernels.host(self._partial)
         return partial[:_REDUCTION_BLOCKS].min(axis=0), partial[_REDUCTION_BLOCKS:].max(axis=0)
 
     def _largest_displacement_squared(self, particles: Particles) -> float:
-        kernel = _displacement_kernel(particles.dimension)
+        kernel = _displacement_kernel(particles.dimension, kernels.light(particles.count))
         kernel(particles["position"], self._built, self._partial, particles.count)
         return float(kernels.host(self._partial)[:_REDUCTION_BLOCKS, 0].max())
 
@@ -237,15 +232,14 @@ class NeighbourList:
             self._home = low - 0.5 * extent, high + 0.5 * extent
         low, high = np.maximum(low, self._home[0]), np.minimum(high, self._home[1])
         low, high = np.minimum(low, high), np.maximum(low, high)
-        reach = (self.radius + self.current_skin) / _CELLS_PER_REACH
         joined = np.array(self.periodic)
         low = np.where(joined, self.lower, low)
         extent = np.where(joined, self.upper - self.lower, high - low)
-        size = np.full(len(low), reach)
+        size = (self.radius + self.current_skin) / np.array(CELLS_PER_REACH[: len(low)])
         while True:
             shape = np.where(joined, np.floor(extent / size), np.floor(extent / size) + 1).astype(np.int64)
-            shape = np.maximum(shape, np.where(joined, 2 * _CELLS_PER_REACH + 1, 1))
-            if shape.prod() <= max(4 * count, 1 << 16):
+            shape = np.maximum(shape, np.where(joined, 3, 1))
+            if shape.prod() <= min(max(4 * count, 1 << 16), kernels.LONGEST_ARRAY // 4 - 1):
                 break
             size = size * 1.5
         return low, np.where(joined, extent / shape, size), shape
@@ -259,7 +253,7 @@ class NeighbourList:
     ) -> None:
         d, count, cells = particles.dimension, particles.count, int(shape.prod())
         if 2 * cells + 1 > self._cells:
-            self._cells = 2 * (2 * cells + 1)
+            self._cells = min(2 * (2 * cells + 1), kernels.LONGEST_ARRAY)
             self._near = kernels.array(kernels.i32, self._cells)
             self._cell_start = kernels.array(kernels.i32, self._cells)
             self._cursor = kernels.array(kernels.i32, self._cells)
@@ -284,17 +278,19 @@ class NeighbourList:
         size: NDArray[np.float64],
         shape: NDArray[np.int64],
     ) -> bool:
-        d, count = particles.dimension, particles.active
+        kernel, storage = list_kernel(particles.dimension, self.periodic), self._storage
         self._flag.fill(0)
-        _list_kernel(d, self.periodic)(
-            particles["position"], particles["kind"], self._cell_start, self.start, self.length, self.neighbour,
-            self._flag, count, self._rows_per_block, self._slots_per_block, self.radius + self.current_skin,
-            *map(float, origin), *map(float, size), *[int(s) for s in shape], *self.period,
-        )  # fmt: skip
-        return int(kernels.host(self._flag)[0]) <= self._slots_per_block
+        for chunk in self.chunks:
+            kernel(
+                particles["position"], particles["kind"], self._cell_start, self.start, self.length, self.met,
+                chunk.neighbour, self._flag, chunk.begin, chunk.end, storage.rows_per_block, storage.slots_per_block,
+                self.radius + self.current_skin,
+                *map(float, origin), *map(float, size), *[int(s) for s in shape], *self.period,
+            )  # fmt: skip
+        return int(kernels.host(self._flag)[0]) <= storage.slots_per_block
 
 
-_SCAN_BLOCKS, _MANY_BLOCKS = 256, 512
+_SCAN_BLOCKS = 256
 
 
 def _types(d: int) -> tuple[Any, Any, Any, Any]:
@@ -307,9 +303,8 @@ def _types(d: int) -> tuple[Any, Any, Any, Any]:
 
 
 @kernels.cached
-def _copy_kernel(d: int) -> Any:
-    Vectors, _, _, _ = _types(d)
-    serial, qd = kernels.runtime().serial, kernels.qd
+def _copy_kernel(d: int, serial: bool) -> Any:
+    (Vectors, _, _, _), qd = _types(d), kernels.qd
 
     @kernels.kernel
     def copy(source: Vectors, target: Vectors, count: kernels.i32):
@@ -321,9 +316,9 @@ def _copy_kernel(d: int) -> Any:
 
 
 @kernels.cached
-def _displacement_kernel(d: int) -> Any:
+def _displacement_kernel(d: int, serial: bool) -> Any:
     Vectors, _, _, _ = _types(d)
-    serial, qd, blocks, real = kernels.runtime().serial, kernels.qd, _REDUCTION_BLOCKS, kernels.runtime().real
+    qd, blocks, real = kernels.qd, _REDUCTION_BLOCKS, kernels.runtime().real
     huge = float(np.finfo(kernels.runtime().dtype).max)
 
     @kernels.kernel
@@ -347,7 +342,7 @@ def _displacement_kernel(d: int) -> Any:
 
 
 @kernels.cached
-def _wrap_and_bound_kernel(d: int, periodic: tuple[bool, ...]) -> Any:
+def _wrap_and_bound_kernel(d: int, periodic: tuple[bool, ...], serial: bool) -> Any:
     lower = ", ".join(f"lower{k}: real" for k in range(d))
     period = ", ".join(f"period{k}: real" for k in range(d))
     wraps = [
@@ -377,7 +372,7 @@ def _wrap_and_bound_kernel(d: int, periodic: tuple[bool, ...]) -> Any:
     ]
     return kernels.compiled(
         "wrap_and_bound", "\n".join(lines) + "\n", Vectors=Vectors, real=real, d=d,
-        Vector=kernels.vector(d), blocks=_REDUCTION_BLOCKS, serial=kernels.runtime().serial,
+        Vector=kernels.vector(d), blocks=_REDUCTION_BLOCKS, serial=serial,
         largest=float(np.finfo(kernels.runtime().dtype).max),
     )  # fmt: skip
 
@@ -391,7 +386,7 @@ def _cell_kernel(d: int, periodic: tuple[bool, ...], serial: bool) -> Any:
     """
     Vectors, Rows, _, real = _types(d)
     axes = range(d)
-    w = _WET_REACHES * _CELLS_PER_REACH
+    w = [_WET_REACHES * cells for cells in CELLS_PER_REACH]
     parameters = [f"origin{k}: real" for k in axes] + [f"size{k}: real" for k in axes]
     parameters += [f"shape{k}: qd.i32" for k in axes]
     index = [
@@ -404,8 +399,8 @@ def _cell_kernel(d: int, periodic: tuple[bool, ...], serial: bool) -> Any:
         f"{n}0 + blocks0 * {n}1" if d == 2 else f"{n}0 + blocks0 * ({n}1 + blocks1 * {n}2)" for n in ("b", "n")
     )
     # A last block that is not full leaves its neighbour too near: it is joined to the one before.
-    blocks = [f"    blocks{k} = qd.max(shape{k} // {w}, 1)" for k in axes]
-    of_row = [f"        b{k} = qd.min(c{k} // {w}, blocks{k} - 1)" for k in axes]
+    blocks = [f"    blocks{k} = qd.max(shape{k} // {w[k]}, 1)" for k in axes]
+    of_row = [f"        b{k} = qd.min(c{k} // {w[k]}, blocks{k} - 1)" for k in axes]
     walk, indent = [], "        "
     for k in reversed(axes):
         walk.append(f"{indent}for o{k} in range(-1, 2):")
@@ -515,86 +510,3 @@ def _scatter_kernel(serial: bool) -> Any:
                 changed[0] = 1
 
     return scatter
-
-
-@kernels.cached
-def _list_kernel(d: int, periodic: tuple[bool, ...]) -> Any:
-    """Generate the walk over cell rows; a cell row is a contiguous range of table rows."""
-    (Vectors, Rows, Starts, real), axes, spread = _types(d), range(d), kernels.spread(_MANY_BLOCKS)
-    parameters = [f"origin{k}: real" for k in axes] + [f"size{k}: real" for k in axes]
-    parameters += [f"shape{k}: qd.i32" for k in axes] + [f"period{k}: real" for k in axes]
-    m = _CELLS_PER_REACH
-    indent = "            "
-    body = [
-        f"{indent}c{k} = qd.min(qd.max(qd.cast(qd.floor((x[{k}] - origin{k}) / size{k}), qd.i32), 0), shape{k} - 1)"
-        for k in axes
-    ]
-    loops = indent
-    for k in reversed(range(1, d)):
-        if periodic[k]:
-            body.append(f"{loops}for o{k} in range(-{m}, {m} + 1):")
-            body.append(f"{loops}    n{k} = (c{k} + o{k} + shape{k}) % shape{k}")
-        else:
-            body.append(f"{loops}for n{k} in range(qd.max(c{k} - {m}, 0), qd.min(c{k} + {m} + 1, shape{k})):")
-        loops += "    "
-    base = "shape0 * n1" if d == 2 else "shape0 * (n1 + shape1 * n2)"
-    body.append(f"{loops}base = {base}")
-    body.append(f"{loops}segments = 1")
-    if periodic[0]:
-        body.append(f"{loops}if c0 < {m} or c0 >= shape0 - {m}:")
-        body.append(f"{loops}    segments = 2")
-    body += [
-        f"{loops}for segment in range(segments):",
-        f"{loops}    low = cell_start[base + qd.max(c0 - {m}, 0)]",
-        f"{loops}    high = cell_start[base + qd.min(c0 + {m} + 1, shape0)]",
-    ]
-    if periodic[0]:
-        body += [
-            f"{loops}    if segment == 1:",
-            f"{loops}        low = cell_start[base + qd.select(c0 < {m}, shape0 + c0 - {m}, 0)]",
-            f"{loops}        high = cell_start[base + qd.select(c0 < {m}, shape0, c0 + {m} + 1 - shape0)]",
-        ]
-    body += [
-        f"{loops}    for j in range(low, high):",
-        f"{loops}        r = position[j] - x",
-        *[
-            f"{loops}        r[{k}] -= period{k} * qd.round(r[{k}] / period{k})"
-            for k, joined in enumerate(periodic)
-            if joined
-        ],
-        # Written without a branch: one candidate in six is near, which no branch predictor can guess.
-        f"{loops}        neighbour[first + qd.min(used, slots - 1)] = j",
-        f"{loops}        used += qd.cast(r.dot(r) < reach * reach, qd.i32) & qd.cast(j != i, qd.i32)",
-    ]
-    lines = [
-        "def fill(position: Vectors, kind: Rows, cell_start: Rows, start: Starts, length: Rows, neighbour: Rows,",
-        "         flag: Rows, count: qd.i32, rows_per_block: qd.i32, slots: qd.i32, reach: real,",
-        f"         {', '.join(parameters)}):",
-        "    qd.loop_config(serialize=serial)",
-        f"    for t in range((count + rows_per_block - 1) // rows_per_block * {spread}):",
-        f"        block = t // {spread}",
-        "        first = qd.cast(block, qd.i64) * slots",
-        "        used = 0",
-        "        beyond = qd.min((block + 1) * rows_per_block, count)",
-        f"        for i in range(block * rows_per_block, qd.select(t % {spread} == 0, beyond, 0)):",
-        "            before = used",
-        "            start[i] = first + used",
-        "            length[i] = 0",
-        f"            if kind[i] & {LISTED} != 0:",
-        "                x = position[i]",
-        *["    " + line for line in body],
-        # A wall row that sees no fluid takes part in nothing: its list is dropped.
-        f"                if kind[i] & {FLUID} == 0:",
-        "                    wet = 0",
-        "                    for k in range(qd.min(before, slots - 1), qd.min(used, slots - 1)):",
-        f"                        wet |= kind[neighbour[first + k]] & {FLUID}",
-        "                    if wet == 0:",
-        "                        used = before",
-        "                length[i] = qd.min(used, slots) - qd.min(before, slots)",
-        "        if used > slots:",
-        "            qd.atomic_max(flag[0], used)",
-    ]
-    return kernels.compiled(
-        "fill", "\n".join(lines) + "\n", Vectors=Vectors, Rows=Rows, Starts=Starts, real=real,
-        serial=kernels.runtime().serial,
-    )  # fmt: skip

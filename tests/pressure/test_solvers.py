@@ -57,7 +57,7 @@ def sparse(particles, system):
     """Return matrix and right side of the unknown rows, and their row numbers."""
     unknown = np.flatnonzero(particles.numpy("row_state") == UNKNOWN)
     start, length = system.start.to_numpy(), particles.numpy("row_length")
-    column, value = system.column.to_numpy(), system.value.to_numpy()
+    column, value = system.columns[0].to_numpy(), system.values[0].to_numpy()
     n = particles.count
     matrix = scipy.sparse.lil_matrix((n, n))
     matrix.setdiag(particles.numpy("diagonal"))

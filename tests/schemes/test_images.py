@@ -88,7 +88,7 @@ def test_matrix_of_a_pressure_that_vanishes_half_a_spacing_outside(d, along, acr
     linear = LinearSystem()
     linear.assemble(laplacian, lattice, particles, pairs)
     start, length = linear.start.to_numpy(), particles.numpy("row_length")
-    column, value = linear.column.to_numpy(), linear.value.to_numpy()
+    column, value = linear.columns[0].to_numpy(), linear.values[0].to_numpy()
     images = particles.numpy("surface_diagonal")
     for i in np.flatnonzero(top)[:5]:
         slots = slice(start[i], start[i] + length[i])

@@ -57,7 +57,7 @@ def matrix(particles, system):
     n = particles.count
     dense = np.zeros((n, n))
     start, length = system.start.to_numpy(), particles.numpy("row_length")
-    column, value = system.column.to_numpy(), system.value.to_numpy()
+    column, value = system.columns[0].to_numpy(), system.values[0].to_numpy()
     for i in np.flatnonzero(particles.numpy("row_state") == UNKNOWN):
         slots = slice(start[i], start[i] + length[i])
         np.add.at(dense[i], column[slots], value[slots])

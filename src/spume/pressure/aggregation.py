@@ -12,6 +12,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from spume import kernels
+from spume.pressure.entries import SINGLES, Entries, entry_functions, matrix_type
 from spume.pressure.matrix import UNKNOWN
 
 LEVELS = 20
@@ -54,33 +55,30 @@ def alone(rows: int) -> bool:
     runtime = kernels.runtime()
     if runtime.device != "cpu":
         return blocks(rows) == 1
-    return runtime.serial or rows * (runtime.threads - 1) < 35_000 * runtime.threads
+    return runtime.serial or rows * (runtime.threads - 1) < 18_000 * runtime.threads
 
 
-def stretches() -> int:
-    """Return how many stretches of rows are combined side by side; each has a marker for every column."""
+def stretches(rows: int = 1) -> int:
+    """Return how many stretches of rows are combined side by side; each has a marker for every one of so many rows."""
     runtime = kernels.runtime()
-    return 4 * runtime.threads if runtime.device == "cpu" else 64
+    wanted = 4 * runtime.threads if runtime.device == "cpu" else 64
+    return max(min(wanted, kernels.LONGEST_ARRAY // rows), 1)
 
 
 @kernels.cached
-def level_type(value: Any) -> Any:
+def level_type(entries: Entries) -> Any:
     """Return the type that holds the arrays of the particles' level, or of all coarse levels one after another.
 
     Args:
-        value: type of the matrix entries. All other reals are of single precision: half the bytes, and a
+        entries: how the matrix entries are stored. All other reals are of single precision: half the bytes, and a
             preconditioner needs no more.
     """
-    Values, Singles, Rows = (kernels.array_type(t) for t in (value, kernels.f32, kernels.i32))
-    Reals = kernels.array_type(kernels.runtime().real)
+    Singles, Rows = (kernels.array_type(t) for t in (kernels.f32, kernels.i32))
+    Reals, Matrix = kernels.array_type(kernels.runtime().real), matrix_type(entries)
 
     @dataclass
-    class Level:
+    class Level(Matrix):  # type: ignore[misc, valid-type]
         row: Rows  # type: ignore[valid-type]  # rows that have an equation, in ascending order
-        start: Rows  # type: ignore[valid-type]  # first slot of a row
-        length: Rows  # type: ignore[valid-type]  # entries beside the diagonal
-        column: Rows  # type: ignore[valid-type]
-        value: Values  # type: ignore[valid-type]
         diagonal: Singles  # type: ignore[valid-type]
         excess: Singles  # type: ignore[valid-type]  # sum of a coarse row, the diagonal included
         inverse: Singles  # type: ignore[valid-type]  # of the diagonal, damped; 0 for a row that has no equation
@@ -118,17 +116,18 @@ def scratch_type() -> Any:
 
 
 @kernels.cached
-def stages(value: Any, finest: bool) -> Any:
+def stages(entries: Entries, finest: bool) -> Any:
     """Return the stages of building a level, as functions of one block of rows, cells or aggregates.
 
     Args:
-        value: type of the matrix entries of the level before.
+        entries: how the matrix entries of the level before are stored.
         finest: whether that is the particles' level.
     """
     qd, real = kernels.qd, kernels.runtime().real
     i32, i64, f32 = kernels.i32, kernels.i64, kernels.f32
-    Level, Coarse, Scratch = level_type(value), level_type(f32), scratch_type()
+    Level, Coarse, Scratch = level_type(entries), level_type(SINGLES), scratch_type()
     Rows, Reals = kernels.array_type(i32), kernels.array_type(real)
+    entry = entry_functions(Level, entries)
     tiny = 1e-10 if kernels.runtime().precision == "double" else 1e-4
     huge = 1e30
 
@@ -221,10 +220,11 @@ def stages(value: Any, finest: bool) -> Any:
                         i = scratch.order[s]
                         least = scratch.label[i]
                         first = level.start[at + i]
+                        chunk = entry.chunk(level, at + i)
                         for k in range(first, first + level.length[at + i]):
-                            j = level.column[k]
+                            j = entry.column(level, chunk, k)
                             if level.aggregate[at + j] == c:
-                                v = qd.cast(level.value[k], f32)
+                                v = qd.cast(entry.value(level, chunk, k), f32)
                                 if v * v >= strong * level.diagonal[at + i] * level.diagonal[at + j]:
                                     least = qd.min(least, scratch.label[j])
                         if least < scratch.label[i]:
@@ -301,9 +301,10 @@ def stages(value: Any, finest: bool) -> Any:
                 else:
                     excess += level.excess[i]
                 start = level.start[i]
+                chunk = entry.chunk(level, i)
                 for k in range(start, start + level.length[i]):
-                    j = level.aggregate[at + level.column[k]]
-                    v = level.value[k]
+                    j = level.aggregate[at + entry.column(level, chunk, k)]
+                    v = entry.value(level, chunk, k)
                     if kernels.static(finest):
                         excess += v
                     if j < 0:
@@ -348,13 +349,13 @@ def stages(value: Any, finest: bool) -> Any:
 
 
 @kernels.cached
-def particle_stages(d: int, value: Any) -> Any:
+def particle_stages(d: int, entries: Entries) -> Any:
     """Return the stages that read positions: the bounds of the unknown rows and their cells."""
     qd, real = kernels.qd, kernels.runtime().real
     i32, f32 = kernels.i32, kernels.f32
-    Level, Scratch = level_type(value), scratch_type()
+    Level, Scratch = level_type(entries), scratch_type()
     Rows, Reals, Vectors = (kernels.array_type(t) for t in (i32, real, kernels.vector(d)))
-    bound = stages(value, True).bound
+    bound = stages(entries, True).bound
     huge = 1e30
 
     @kernels.func

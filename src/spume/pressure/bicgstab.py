@@ -6,6 +6,7 @@ from spume import kernels
 from spume.particles import Field, Particles
 from spume.pressure.base import START_SHARE, Solution, Solver
 from spume.pressure.conjugate_gradient import BLOCKS, floor, solution
+from spume.pressure.entries import Entries, matrix_type, row_sum
 from spume.pressure.matrix import UNKNOWN, LinearSystem
 
 _VECTORS = ("residual", "shadow", "direction", "product", "middle", "middle_product", "scaled")
@@ -23,21 +24,21 @@ class StabilisedBiconjugateGradient(Solver, name="bicgstab"):
 
     def __call__(self, system: LinearSystem, particles: Particles) -> Solution:
         """Solve for the unknown rows of the system."""
-        start, iterate = _kernels(system.real)
+        start, iterate = _kernels(system.entries)
         partial, scalars, running = _workspace()
         vectors = [
             particles[system.solution],
             particles[system.diagonal],
             *[particles[f"bicgstab_{n}"] for n in _VECTORS],
         ]
-        matrix = [system.start, particles[system.length], system.column, system.value]
+        matrix = system.matrix(particles)
         start(
-            *matrix, *vectors, particles[system.rhs], particles[system.state], partial, scalars, running,
+            matrix, *vectors, particles[system.rhs], particles[system.state], partial, scalars, running,
             self.tolerance, floor(system, self), particles.active,
         )  # fmt: skip
         if int(kernels.host(running)) == 1:
             iterate(
-                *matrix,
+                matrix,
                 *vectors,
                 partial,
                 scalars,
@@ -56,9 +57,10 @@ def _workspace() -> Any:
 
 
 @kernels.cached
-def _kernels(entry: Any) -> Any:
+def _kernels(entries: Entries) -> Any:
     real = kernels.runtime().real
-    Reals, Values, Rows = (kernels.array_type(t) for t in (real, entry, kernels.i32))
+    Matrix = matrix_type(entries)
+    Reals, Rows = (kernels.array_type(t) for t in (real, kernels.i32))
     Flag = kernels.qd.types.ndarray(dtype=kernels.i32, ndim=0)
     serial, qd, blocks = kernels.runtime().serial, kernels.qd, BLOCKS
 
@@ -73,18 +75,16 @@ def _kernels(entry: Any) -> Any:
             s += partial[first + b]
         return s
 
+    add = row_sum(Matrix, entries, "+", real, real)
+
     @kernels.func
-    def row_product(start: Rows, length: Rows, column: Rows, value: Values, diagonal: Reals, x: Reals, i: kernels.i32):  # type: ignore[no-untyped-def]
-        product = diagonal[i] * x[i]
-        first = start[i]
-        for k in range(first, first + length[i]):
-            product += value[k] * x[column[k]]
-        return product
+    def row_product(matrix: Matrix, diagonal: Reals, x: Reals, i: kernels.i32):  # type: ignore[no-untyped-def, valid-type]
+        return add(matrix, i, 0, x, diagonal[i] * x[i])
 
     # scalars: 0 b.b, 1 r.r, 2 rho, 3 beta, 4 iterations, 5 omega
     @kernels.kernel
     def start_bicgstab(
-        start: Rows, length: Rows, column: Rows, value: Values,
+        matrix: Matrix,
         x: Reals, diagonal: Reals, r: Reals, shadow: Reals, p: Reals, v: Reals, s: Reals, t: Reals, y: Reals,
         rhs: Reals, state: Rows, partial: Reals, scalars: Reals, running: Flag, tolerance: real, floor: real,
         count: kernels.i32,
@@ -96,7 +96,7 @@ def _kernels(entry: Any) -> Any:
             for i in range(bound(b, count), bound(b + 1, count)):
                 rest = qd.cast(0, real)
                 if state[i] == UNKNOWN:
-                    rest = rhs[i] - row_product(start, length, column, value, diagonal, x, i)
+                    rest = rhs[i] - row_product(matrix, diagonal, x, i)
                     bb += rhs[i] * rhs[i] + START_SHARE**2 * (diagonal[i] * x[i]) ** 2 + floor
                 r[i] = rest
                 shadow[i] = rest
@@ -117,7 +117,7 @@ def _kernels(entry: Any) -> Any:
 
     @kernels.qd.kernel(graph=True)
     def iterate_bicgstab(
-        start: Rows, length: Rows, column: Rows, value: Values,
+        matrix: Matrix,
         x: Reals, diagonal: Reals, r: Reals, shadow: Reals, p: Reals, v: Reals, s: Reals, t: Reals, y: Reals,
         partial: Reals, scalars: Reals, running: Flag, tolerance: real, largest: kernels.i32, count: kernels.i32,
     ):  # fmt: skip
@@ -131,7 +131,7 @@ def _kernels(entry: Any) -> Any:
             for b in range(blocks):
                 sv = qd.cast(0, real)
                 for i in range(bound(b, count), bound(b + 1, count)):
-                    v[i] = row_product(start, length, column, value, diagonal, y, i)
+                    v[i] = row_product(matrix, diagonal, y, i)
                     sv += shadow[i] * v[i]
                 partial[b] = sv
             qd.loop_config(serialize=serial)
@@ -146,7 +146,7 @@ def _kernels(entry: Any) -> Any:
                 ts = qd.cast(0, real)
                 tt = qd.cast(0, real)
                 for i in range(bound(b, count), bound(b + 1, count)):
-                    t[i] = row_product(start, length, column, value, diagonal, y, i)
+                    t[i] = row_product(matrix, diagonal, y, i)
                     ts += t[i] * s[i]
                     tt += t[i] * t[i]
                 partial[blocks + b] = ts

@@ -11,6 +11,7 @@ from typing import Any
 
 from spume import kernels
 from spume.pressure.aggregation import BAND, level_type
+from spume.pressure.entries import SINGLES
 
 MOST_ROWS = 1024
 """Levels with more rows are not solved directly."""
@@ -30,7 +31,7 @@ def direct_stages() -> Any:
     """Return the functions that eliminate and that solve, for one thread."""
     qd, real = kernels.qd, kernels.runtime().real
     i32, i64, f32 = kernels.i32, kernels.i64, kernels.f32
-    Level, Rows = level_type(f32), kernels.array_type(i32)
+    Level, Rows = level_type(SINGLES), kernels.array_type(i32)
     tiny = 1e-10 if kernels.runtime().precision == "double" else 1e-4
 
     @kernels.func

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from spume import kernels
 from spume.particles import Field, Particles
+from spume.pressure.entries import Entries, entry_functions, matrix_type
 from spume.pressure.matrix import UNKNOWN, LinearSystem
 
 COMPONENT = Field("component", (), "1", "smallest row number of the row's connected component", int)
@@ -25,19 +26,17 @@ class Components:
 
     def project(self, system: LinearSystem, particles: Particles) -> list[NDArray[np.intp]]:
         """Make the right side of each floating component sum to zero; return the components' rows, shape (rows,)."""
-        kernel = _label_kernel()
+        light = kernels.light(particles.active)
+        kernel, matrix = _label_kernel(system.entries, light), system.matrix(particles)
         state, label = particles[system.state], particles["component"]
-        _start_kernel()(state, label, particles.active)
+        _start_kernel(light)(state, label, particles.active)
         while True:
             self._changed.fill(0)
-            kernel(
-                system.start, particles[system.length], system.column, state, label,
-                particles[system.grounded], self._changed, particles.active,
-            )  # fmt: skip
+            kernel(matrix, state, label, particles[system.grounded], self._changed, particles.active)
             if kernels.host(self._changed)[0] == 0:
                 break
         self._floating.fill(0)
-        _ground_kernel()(state, label, particles[system.grounded], self._floating, particles.active)
+        _ground_kernel(light)(state, label, particles[system.grounded], self._floating, particles.active)
         if kernels.host(self._floating)[0] == 0:
             return []
         labels, tied = particles.numpy("component"), particles.numpy(system.grounded)
@@ -63,9 +62,9 @@ class Components:
 
 
 @kernels.cached
-def _start_kernel() -> Any:
+def _start_kernel(serial: bool) -> Any:
     Rows = kernels.array_type(kernels.i32)
-    serial, qd = kernels.runtime().serial, kernels.qd
+    qd = kernels.qd
 
     @kernels.kernel
     def start_labels(state: Rows, label: Rows, count: kernels.i32):
@@ -77,23 +76,22 @@ def _start_kernel() -> Any:
 
 
 @kernels.cached
-def _label_kernel() -> Any:
+def _label_kernel(entries: Entries, serial: bool) -> Any:
     """One round of hooking and pointer jumping: rounds grow with the logarithm of the component's size."""
-    Rows = kernels.array_type(kernels.i32)
-    serial, qd = kernels.runtime().serial, kernels.qd
+    Rows, Matrix = kernels.array_type(kernels.i32), matrix_type(entries)
+    entry = entry_functions(Matrix, entries)
+    qd = kernels.qd
 
     @kernels.kernel
-    def label_round(
-        start: Rows, length: Rows, column: Rows, state: Rows, label: Rows,
-        grounded: Rows, changed: Rows, count: kernels.i32,
-    ):  # fmt: skip
+    def label_round(matrix: Matrix, state: Rows, label: Rows, grounded: Rows, changed: Rows, count: kernels.i32):
         qd.loop_config(serialize=serial)
         for i in range(count):
             if state[i] == UNKNOWN:
                 least = label[i]
-                first = start[i]
-                for k in range(first, first + length[i]):
-                    least = qd.min(least, label[column[k]])
+                first = matrix.start[i]
+                chunk = entry.chunk(matrix, i)
+                for k in range(first, first + matrix.length[i]):
+                    least = qd.min(least, label[entry.column(matrix, chunk, k)])
                 if least < label[i]:
                     qd.atomic_min(label[label[i]], least)
                     qd.atomic_min(label[i], least)
@@ -109,9 +107,9 @@ def _label_kernel() -> Any:
 
 
 @kernels.cached
-def _ground_kernel() -> Any:
+def _ground_kernel(serial: bool) -> Any:
     Rows = kernels.array_type(kernels.i32)
-    serial, qd = kernels.runtime().serial, kernels.qd
+    qd = kernels.qd
 
     @kernels.kernel
     def ground(state: Rows, label: Rows, grounded: Rows, floating: Rows, count: kernels.i32):

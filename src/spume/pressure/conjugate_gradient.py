@@ -7,6 +7,7 @@ import numpy as np
 from spume import kernels
 from spume.particles import Field, Particles
 from spume.pressure.base import START_SHARE, NotConverged, Solution, Solver
+from spume.pressure.entries import Entries, matrix_type, row_sum
 from spume.pressure.matrix import UNKNOWN, LinearSystem
 
 BLOCKS = 128
@@ -31,17 +32,17 @@ class ConjugateGradient(Solver, name="cg"):
 
     def __call__(self, system: LinearSystem, particles: Particles) -> Solution:
         """Solve for the unknown rows of the system."""
-        start, iterate = _kernels(system.real)
+        start, iterate = _kernels(system.entries)
         partial, scalars, running = _workspace()
         vectors = [particles[n] for n in (system.solution, *self.vectors, system.diagonal)]
-        matrix = [system.start, particles[system.length], system.column, system.value]
+        matrix = system.matrix(particles)
         start(
-            *matrix, *vectors, particles[system.rhs], particles[system.state], partial, scalars, running,
+            matrix, *vectors, particles[system.rhs], particles[system.state], partial, scalars, running,
             self.tolerance, floor(system, self), particles.active,
         )  # fmt: skip
         if int(kernels.host(running)) == 1:
             iterate(
-                *matrix,
+                matrix,
                 *vectors,
                 partial,
                 scalars,
@@ -83,7 +84,7 @@ def _workspace() -> Any:
 
 
 @kernels.cached
-def _kernels(entry: Any) -> Any:
+def _kernels(entries: Entries) -> Any:
     """Return the kernels that start and that iterate.
 
     The stages of an iteration are functions of one block of rows. With several threads each stage is a
@@ -91,9 +92,12 @@ def _kernels(entry: Any) -> Any:
     plain loop, which costs a single launch per solve.
     """
     real = kernels.runtime().real
-    Reals, Values, Rows = (kernels.array_type(t) for t in (real, entry, kernels.i32))
+    Matrix = matrix_type(entries)
+    Reals, Rows = (kernels.array_type(t) for t in (real, kernels.i32))
     Flag = kernels.qd.types.ndarray(dtype=kernels.i32, ndim=0)
     serial, qd, blocks = kernels.runtime().serial, kernels.qd, BLOCKS
+
+    add, subtract = (row_sum(Matrix, entries, sign, real, real) for sign in "+-")
 
     @kernels.func
     def bound(b: kernels.i32, count: kernels.i32):  # type: ignore[no-untyped-def]
@@ -108,7 +112,7 @@ def _kernels(entry: Any) -> Any:
 
     @kernels.func
     def residual(
-        b: kernels.i32, start: Rows, length: Rows, column: Rows, value: Values, x: Reals, r: Reals, p: Reals,
+        b: kernels.i32, matrix: Matrix, x: Reals, r: Reals, p: Reals,
         diagonal: Reals, rhs: Reals, state: Rows, partial: Reals, floor: real, count: kernels.i32,
     ):  # fmt: skip
         rr = qd.cast(0, real)
@@ -117,10 +121,7 @@ def _kernels(entry: Any) -> Any:
         for i in range(bound(b, count), bound(b + 1, count)):
             rest = qd.cast(0, real)
             if state[i] == UNKNOWN:
-                first = start[i]
-                rest = rhs[i] - diagonal[i] * x[i]
-                for k in range(first, first + length[i]):
-                    rest -= value[k] * x[column[k]]
+                rest = subtract(matrix, i, 0, x, rhs[i] - diagonal[i] * x[i])
                 bb += rhs[i] * rhs[i] + START_SHARE**2 * (diagonal[i] * x[i]) ** 2 + floor
             r[i] = rest
             p[i] = rest / diagonal[i]
@@ -132,15 +133,12 @@ def _kernels(entry: Any) -> Any:
 
     @kernels.func
     def product(
-        b: kernels.i32, start: Rows, length: Rows, column: Rows, value: Values, p: Reals, q: Reals,
+        b: kernels.i32, matrix: Matrix, p: Reals, q: Reals,
         diagonal: Reals, partial: Reals, count: kernels.i32,
     ):  # fmt: skip
         pq = qd.cast(0, real)
         for i in range(bound(b, count), bound(b + 1, count)):
-            s = diagonal[i] * p[i]
-            first = start[i]
-            for k in range(first, first + length[i]):
-                s += value[k] * p[column[k]]
+            s = add(matrix, i, 0, p, diagonal[i] * p[i])
             q[i] = s
             pq += p[i] * s
         partial[b] = pq
@@ -178,13 +176,12 @@ def _kernels(entry: Any) -> Any:
 
     @kernels.kernel
     def start_cg(
-        start: Rows, length: Rows, column: Rows, value: Values,
-        x: Reals, r: Reals, p: Reals, q: Reals, diagonal: Reals, rhs: Reals, state: Rows,
+        matrix: Matrix, x: Reals, r: Reals, p: Reals, q: Reals, diagonal: Reals, rhs: Reals, state: Rows,
         partial: Reals, scalars: Reals, running: Flag, tolerance: real, floor: real, count: kernels.i32,
     ):  # fmt: skip
         qd.loop_config(serialize=serial)
         for b in range(blocks):
-            residual(b, start, length, column, value, x, r, p, diagonal, rhs, state, partial, floor, count)
+            residual(b, matrix, x, r, p, diagonal, rhs, state, partial, floor, count)
         qd.loop_config(serialize=True)
         for _ in range(1):
             scalars[0] = total(partial, 0)
@@ -195,15 +192,14 @@ def _kernels(entry: Any) -> Any:
 
     @kernels.kernel
     def iterate_in_one_thread(
-        start: Rows, length: Rows, column: Rows, value: Values,
-        x: Reals, r: Reals, p: Reals, q: Reals, diagonal: Reals,
+        matrix: Matrix, x: Reals, r: Reals, p: Reals, q: Reals, diagonal: Reals,
         partial: Reals, scalars: Reals, running: Flag, tolerance: real, largest: kernels.i32, count: kernels.i32,
     ):  # fmt: skip
         qd.loop_config(serialize=True)
         for _ in range(1):
             while running[None] == 1:
                 for b in range(blocks):
-                    product(b, start, length, column, value, p, q, diagonal, partial, count)
+                    product(b, matrix, p, q, diagonal, partial, count)
                 for b in range(blocks):
                     advance(b, x, r, p, q, diagonal, partial, scalars, count)
                 decide(partial, scalars, running, tolerance, largest)
@@ -212,13 +208,12 @@ def _kernels(entry: Any) -> Any:
 
     @kernels.qd.kernel(graph=True)
     def iterate(
-        start: Rows, length: Rows, column: Rows, value: Values,
-        x: Reals, r: Reals, p: Reals, q: Reals, diagonal: Reals,
+        matrix: Matrix, x: Reals, r: Reals, p: Reals, q: Reals, diagonal: Reals,
         partial: Reals, scalars: Reals, running: Flag, tolerance: real, largest: kernels.i32, count: kernels.i32,
     ):  # fmt: skip
         while qd.graph.do_while(running):
             for b in range(blocks):
-                product(b, start, length, column, value, p, q, diagonal, partial, count)
+                product(b, matrix, p, q, diagonal, partial, count)
             for b in range(blocks):
                 advance(b, x, r, p, q, diagonal, partial, scalars, count)
             for _ in range(1):

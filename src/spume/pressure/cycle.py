@@ -15,6 +15,7 @@ from spume import kernels
 from spume.pressure.aggregation import BAND, blocks, level_type, stages
 from spume.pressure.base import START_SHARE
 from spume.pressure.coarsest import direct_stages
+from spume.pressure.entries import SINGLES, Entries, row_sum
 
 RESTRICT, CORRECT, POLISH, SOLVE, FIRST, SECOND, RUN = range(7)
 """Operations on a level that a program consists of; RUN stands for several in a row."""
@@ -72,7 +73,7 @@ def program(depth: int, inner: Collection[int]) -> list[tuple[int, int]]:
 
 
 @kernels.cached
-def cycle_stages(symmetric: bool, value: Any) -> Any:
+def cycle_stages(symmetric: bool, entries: Entries) -> Any:
     """Return the parts of the cycle, as functions of one block of rows.
 
     Inner and outer iterations choose their steps by products with a test vector t: t = z of a correction z for a
@@ -80,18 +81,15 @@ def cycle_stages(symmetric: bool, value: Any) -> Any:
     """
     qd, real = kernels.qd, kernels.runtime().real
     i32, f32 = kernels.i32, kernels.f32
-    Level, Coarse = level_type(value), level_type(f32)
+    Level, Coarse = level_type(entries), level_type(SINGLES)
     Reals = kernels.array_type(real)
-    bound = stages(value, value != f32).bound
+    bound = stages(entries, entries != SINGLES).bound
+    add, subtract = (row_sum(Level, entries, sign, f32, f32) for sign in "+-")
 
     @kernels.func
     def rest_of(level: Level, at: i32, i: i32):  # type: ignore[no-untyped-def, valid-type]
         """Return row i of right - A old."""
-        s = level.right[i] - level.diagonal[i] * level.old[i]
-        first = level.start[i]
-        for k in range(first, first + level.length[i]):
-            s -= qd.cast(level.value[k], f32) * level.old[at + level.column[k]]
-        return s
+        return subtract(level, i, at, level.old, level.right[i] - level.diagonal[i] * level.old[i])
 
     @kernels.func
     def leave(b: i32, parts: i32, level: Level, at: i32, n: i32):  # type: ignore[no-untyped-def, valid-type]
@@ -128,11 +126,7 @@ def cycle_stages(symmetric: bool, value: Any) -> Any:
     @kernels.func
     def image_of(level: Level, at: i32, i: i32):  # type: ignore[no-untyped-def, valid-type]
         """Return row i of A new."""
-        s = level.diagonal[i] * level.new[i]
-        first = level.start[i]
-        for k in range(first, first + level.length[i]):
-            s += qd.cast(level.value[k], f32) * level.new[at + level.column[k]]
-        return s
+        return add(level, i, at, level.new, level.diagonal[i] * level.new[i])
 
     @kernels.func
     def first_products(b: i32, parts: i32, level: Level, at: i32, n: i32, partial: Reals):  # type: ignore[no-untyped-def, valid-type]
@@ -221,14 +215,15 @@ def cycle_stages(symmetric: bool, value: Any) -> Any:
 
 
 @kernels.cached
-def outer_stages(symmetric: bool, value: Any) -> Any:
+def outer_stages(symmetric: bool, entries: Entries) -> Any:
     """Return the parts of the outer iteration, as functions of one block of rows, in the run's precision."""
     qd, real = kernels.qd, kernels.runtime().real
     i32, f32 = kernels.i32, kernels.f32
-    Level = level_type(value)
+    Level = level_type(entries)
     Reals = kernels.array_type(real)
-    shared = cycle_stages(symmetric, value)
-    bound, total, ratio = stages(value, value != f32).bound, shared.total, shared.ratio
+    subtract, add = row_sum(Level, entries, "-", real, real), row_sum(Level, entries, "+", real, f32)
+    shared = cycle_stages(symmetric, entries)
+    bound, total, ratio = stages(entries, entries != SINGLES).bound, shared.total, shared.ratio
 
     @kernels.func
     def residual(
@@ -239,10 +234,7 @@ def outer_stages(symmetric: bool, value: Any) -> Any:
         rr = qd.cast(0, real)
         for t in range(bound(b, parts, n), bound(b + 1, parts, n)):
             i = level.row[t]
-            first = level.start[i]
-            rest = rhs[i] - diagonal[i] * x[i]
-            for k in range(first, first + level.length[i]):
-                rest -= level.value[k] * x[level.column[k]]
+            rest = subtract(level, i, 0, x, rhs[i] - diagonal[i] * x[i])
             bb += rhs[i] * rhs[i] + START_SHARE**2 * (diagonal[i] * x[i]) ** 2 + floor
             r[i] = rest
             level.right[i] = qd.cast(rest, f32)
@@ -269,10 +261,7 @@ def outer_stages(symmetric: bool, value: Any) -> Any:
         overlap = qd.cast(0, real)
         for t in range(bound(b, parts, n), bound(b + 1, parts, n)):
             i = level.row[t]
-            s = diagonal[i] * level.new[i]
-            first = level.start[i]
-            for k in range(first, first + level.length[i]):
-                s += qd.cast(level.value[k], real) * level.new[level.column[k]]
+            s = add(level, i, 0, level.new, diagonal[i] * level.new[i])
             t_i = s
             if kernels.static(symmetric):
                 t_i = qd.cast(level.new[i], real)
@@ -322,9 +311,9 @@ def outer_stages(symmetric: bool, value: Any) -> Any:
 def run_function(symmetric: bool) -> Any:
     """Return the function that runs a program on the coarse levels in one thread."""
     i32 = kernels.i32
-    Coarse = level_type(kernels.f32)
+    Coarse = level_type(SINGLES)
     Reals, Rows = kernels.array_type(kernels.runtime().real), kernels.array_type(i32)
-    c, solve = cycle_stages(symmetric, kernels.f32), direct_stages().solve
+    c, solve = cycle_stages(symmetric, SINGLES), direct_stages().solve
 
     @kernels.func
     def run(operations: Rows, first: i32, last: i32, coarse: Coarse, table: Rows, partial: Reals, scalars: Reals):  # type: ignore[no-untyped-def, valid-type]
@@ -359,13 +348,13 @@ def run_function(symmetric: bool) -> Any:
 
 
 @kernels.cached
-def solve_in_one_thread(symmetric: bool, value: Any) -> Any:
+def solve_in_one_thread(symmetric: bool, entries: Entries) -> Any:
     """Return the kernel that iterates in one go."""
     qd, real = kernels.qd, kernels.runtime().real
     i32 = kernels.i32
-    Level, Coarse = level_type(value), level_type(kernels.f32)
+    Level, Coarse = level_type(entries), level_type(SINGLES)
     Reals, Rows = kernels.array_type(real), kernels.array_type(i32)
-    f, o, run = cycle_stages(symmetric, value), outer_stages(symmetric, value), run_function(symmetric)
+    f, o, run = cycle_stages(symmetric, entries), outer_stages(symmetric, entries), run_function(symmetric)
 
     @kernels.kernel
     def solve_by_multigrid(
@@ -394,15 +383,78 @@ def solve_in_one_thread(symmetric: bool, value: Any) -> Any:
 
 
 @kernels.cached
-def parallel_kernels(symmetric: bool, value: Any) -> Any:
+def solve_on_finest(symmetric: bool, entries: Entries) -> Any:
+    """Return the kernel that iterates in one go with all threads on the finest level and one on all others.
+
+    A launch costs 0.1 to 0.2 ms for the many arrays that it takes, as much as a sweep over 10 000 rows.
+    """
+    qd, real = kernels.qd, kernels.runtime().real
+    i32 = kernels.i32
+    Level, Coarse = level_type(entries), level_type(SINGLES)
+    spread = kernels.spread(blocks())
+    Reals, Rows = kernels.array_type(real), kernels.array_type(i32)
+    Flag = qd.types.ndarray(dtype=i32, ndim=0)
+    f, o, run = cycle_stages(symmetric, entries), outer_stages(symmetric, entries), run_function(symmetric)
+
+    @qd.kernel(graph=True)
+    def iterate_on_finest(
+        level: Level, coarse: Coarse, table: Rows, operations: Rows, length: i32, diagonal: Reals, x: Reals,  # type: ignore[valid-type]
+        r: Reals, p: Reals, q: Reals, image: Reals, partial: Reals, scalars: Reals, running: Flag, tolerance: real,  # type: ignore[valid-type]
+        largest: i32, n: i32, n_coarse: i32, parts: i32,  # type: ignore[valid-type]
+    ):  # fmt: skip
+        while qd.graph.do_while(running):
+            qd.loop_config(block_dim=1)
+            for t in range(parts * spread):
+                if t % spread == 0:
+                    f.leave(t // spread, parts, level, 0, n)
+            qd.loop_config(block_dim=1)
+            for t in range(parts * spread):
+                if t % spread == 0:
+                    f.restrict(t // spread, parts, level, 0, coarse, 0, n_coarse)
+            qd.loop_config(serialize=True)
+            for _ in range(1):
+                run(operations, 0, length, coarse, table, partial, scalars)
+            qd.loop_config(block_dim=1)
+            for t in range(parts * spread):
+                if t % spread == 0:
+                    f.correct(t // spread, parts, level, 0, n, coarse, 0)
+            qd.loop_config(block_dim=1)
+            for t in range(parts * spread):
+                if t % spread == 0:
+                    f.polish(t // spread, parts, level, 0, n)
+            qd.loop_config(block_dim=1)
+            for t in range(parts * spread):
+                if t % spread == 0:
+                    o.products(t // spread, parts, level, diagonal, r, q, image, partial, n)
+            qd.loop_config(serialize=True)
+            for _ in range(1):
+                o.decide(parts, partial, scalars)
+            qd.loop_config(block_dim=1)
+            for t in range(parts * spread):
+                if t % spread == 0:
+                    o.advance(t // spread, parts, level, x, r, p, q, image, partial, scalars, n)
+            qd.loop_config(serialize=True)
+            for _ in range(1):
+                rest = f.total(partial, parts, 0)
+                scalars[REST] = rest
+                # Written so that a residual that is not a number ends the iteration.
+                running[None] = qd.cast(
+                    rest > tolerance * tolerance * scalars[RIGHT] and scalars[ITERATIONS] < largest, i32
+                )
+
+    return iterate_on_finest
+
+
+@kernels.cached
+def parallel_kernels(symmetric: bool, entries: Entries) -> Any:
     """Return the kernels that work on one level with all threads, and the one that runs a part of the program."""
     qd, real = kernels.qd, kernels.runtime().real
     i32 = kernels.i32
-    Level, Coarse = level_type(value), level_type(kernels.f32)
+    Level, Coarse = level_type(entries), level_type(SINGLES)
     spread = kernels.spread(blocks())
     Reals, Rows = kernels.array_type(real), kernels.array_type(i32)
-    c = cycle_stages(symmetric, kernels.f32)
-    f, o, run = cycle_stages(symmetric, value), outer_stages(symmetric, value), run_function(symmetric)
+    c = cycle_stages(symmetric, SINGLES)
+    f, o, run = cycle_stages(symmetric, entries), outer_stages(symmetric, entries), run_function(symmetric)
 
     @kernels.kernel
     def start(

@@ -18,15 +18,16 @@ from spume.pressure.aggregation import (
     stretches,
 )
 from spume.pressure.coarsest import direct_stages
+from spume.pressure.entries import SINGLES, Entries
 
 
 @kernels.cached
-def coarsening(value: Any, finest: bool) -> Any:
+def coarsening(entries: Entries, finest: bool) -> Any:
     """Return the function that builds level k + 1 from level k in one thread."""
     i32 = kernels.i32
-    Level, Coarse, Scratch = level_type(value), level_type(kernels.f32), scratch_type()
+    Level, Coarse, Scratch = level_type(entries), level_type(SINGLES), scratch_type()
     Rows, Reals = kernels.array_type(i32), kernels.array_type(kernels.runtime().real)
-    s = stages(value, finest)
+    s = stages(entries, finest)
 
     @kernels.func
     def coarsen(
@@ -59,9 +60,9 @@ def coarsening(value: Any, finest: bool) -> Any:
 def coarser_levels() -> Any:
     """Return the function that builds all levels behind level k in one thread, down to one that is solved directly."""
     i32 = kernels.i32
-    Coarse, Scratch = level_type(kernels.f32), scratch_type()
+    Coarse, Scratch = level_type(SINGLES), scratch_type()
     Rows, Reals = kernels.array_type(i32), kernels.array_type(kernels.runtime().real)
-    s, coarsen, factorise = stages(kernels.f32, False), coarsening(kernels.f32, False), direct_stages().factorise
+    s, coarsen, factorise = stages(SINGLES, False), coarsening(SINGLES, False), direct_stages().factorise
 
     @kernels.func
     def build_coarser(
@@ -86,14 +87,14 @@ BEHIND_DEPTH = 256
 
 
 @kernels.cached
-def build_in_one_thread(d: int, value: Any) -> Any:
+def build_in_one_thread(d: int, entries: Entries) -> Any:
     """Return the kernel that builds all levels in one go; it returns their number, and what there was no room for."""
     qd, real = kernels.qd, kernels.runtime().real
-    i32, f32 = kernels.i32, kernels.f32
-    Level, Coarse, Scratch = level_type(value), level_type(f32), scratch_type()
+    i32 = kernels.i32
+    Level, Coarse, Scratch = level_type(entries), level_type(SINGLES), scratch_type()
     Rows, Reals, Vectors = (kernels.array_type(t) for t in (i32, real, kernels.vector(d)))
-    s, p = stages(f32, False), particle_stages(d, value)
-    first, build_coarser = coarsening(value, True), coarser_levels()
+    s, p = stages(SINGLES, False), particle_stages(d, entries)
+    first, build_coarser = coarsening(entries, True), coarser_levels()
 
     @kernels.kernel
     def build_levels(
@@ -114,16 +115,16 @@ def build_in_one_thread(d: int, value: Any) -> Any:
 
 
 @kernels.cached
-def build_with_threads(d: int, value: Any) -> tuple[Any, Any, Any]:
+def build_with_threads(d: int, entries: Entries) -> tuple[Any, Any, Any]:
     """Return the kernels that build the first level, a further level, and all that are left in one thread."""
     qd, real = kernels.qd, kernels.runtime().real
-    i32, f32 = kernels.i32, kernels.f32
-    Level, Coarse, Scratch = level_type(value), level_type(f32), scratch_type()
+    i32 = kernels.i32
+    Level, Coarse, Scratch = level_type(entries), level_type(SINGLES), scratch_type()
     Rows, Reals, Vectors = (kernels.array_type(t) for t in (i32, real, kernels.vector(d)))
-    s, p = stages(f32, False), particle_stages(d, value)
-    f, build_coarser = stages(value, True), coarser_levels()
-    parts, combined = blocks(), stretches()
-    spread, spread_combined = kernels.spread(parts), kernels.spread(combined)
+    s, p = stages(SINGLES, False), particle_stages(d, entries)
+    f, build_coarser = stages(entries, True), coarser_levels()
+    parts = blocks()
+    spread, spread_combined = kernels.spread(parts), kernels.spread(stretches())
 
     @kernels.func
     def enter(table: Rows, k: i32, found: i32, rows: i32):  # type: ignore[no-untyped-def, valid-type]
@@ -147,7 +148,7 @@ def build_with_threads(d: int, value: Any) -> tuple[Any, Any, Any]:
     @kernels.kernel
     def build_first(
         level: Level, diagonal: Reals, coarse: Coarse, scratch: Scratch, table: Rows, low: Vectors, high: Vectors,  # type: ignore[valid-type]
-        position: Vectors, state: Rows, cell: real, count: i32, rows: i32, slots: i32, most: i32,  # type: ignore[valid-type]
+        position: Vectors, state: Rows, cell: real, count: i32, rows: i32, slots: i32, most: i32, combined: i32,  # type: ignore[valid-type]
     ):  # fmt: skip
         qd.loop_config(block_dim=1)
         for t in range(parts * spread):
@@ -202,7 +203,7 @@ def build_with_threads(d: int, value: Any) -> tuple[Any, Any, Any]:
 
     @kernels.kernel
     def build_next(
-        coarse: Coarse, diagonal: Reals, scratch: Scratch, table: Rows, k: i32, rows: i32, slots: i32,  # type: ignore[valid-type]
+        coarse: Coarse, diagonal: Reals, scratch: Scratch, table: Rows, k: i32, rows: i32, slots: i32, combined: i32,  # type: ignore[valid-type]
     ):  # fmt: skip
         qd.loop_config(block_dim=1)
         for t in range(parts * spread):

@@ -21,6 +21,7 @@ from spume import kernels
 from spume.lattice import Lattice
 from spume.pairs import Pairs, Signature, load, minimum_image
 from spume.particles import ANY, Field, Particles
+from spume.pressure.entries import Entries, arrays, matrix_type
 from spume.schemes.laplacian.base import Laplacian, Terms
 
 ABSENT, UNKNOWN, KNOWN, FLUX = 0, 1, 2, 3
@@ -67,7 +68,11 @@ class Equation:
 
 @kernels.func
 def _specific_volume(a, b):  # type: ignore[no-untyped-def]
-    return 2.0 / (a.density + b.density)
+    # Of one fluid the same to the last bit, without a division for each pair.
+    volume = 1.0 / a.density
+    if a.density != b.density:
+        volume = 2.0 / (a.density + b.density)
+    return volume
 
 
 @kernels.func
@@ -111,6 +116,7 @@ PRESSURE = Equation(
 class LinearSystem:
     """A sparse matrix over the rows of the table, in compressed rows; only rows with an equation have entries.
 
+    The rows are cut into the chunks of the list of neighbours: a row has no more entries than neighbours.
     One thread fills a stretch of rows, whose entries lie packed: with one thread all entries lie behind each other.
 
     Args:
@@ -120,9 +126,8 @@ class LinearSystem:
             that differ by 6e-8, and whose products move two thirds of the bytes.
 
     Attributes:
-        column: row numbers of the entries.
-        value: entries beside the diagonal.
-        start: first slot of each row.
+        columns, values: row numbers of the entries beside the diagonal, and these, one array per chunk.
+        start: first slot of each row in its chunk.
         symmetric: whether the matrix assembled last is symmetric.
         negligible: root mean square of the residual that may remain, in the unit of the right side.
     """
@@ -133,19 +138,35 @@ class LinearSystem:
     ) -> None:  # fmt: skip
         self.solution, self.state, self.diagonal = solution, state, diagonal
         self.rhs, self.length, self.grounded = rhs, length, grounded
-        self.column: Any = None
-        self.value: Any = None
+        self.columns: list[Any] = []
+        self.values: list[Any] = []
         self.start: Any = None
         self.symmetric = True
         self.negligible = 0.0
         self._single = single
-        self._slots = 0
+        self._rows_of_chunk = 0
         self._sums = kernels.array(kernels.i64, 1)
 
     @property
     def real(self) -> Any:
         """The type of the entries in the kernel language."""
         return kernels.f32 if self._single else kernels.runtime().real
+
+    @property
+    def entries(self) -> Entries:
+        """How the entries are stored: what kernels that read them are compiled for."""
+        return Entries(self.real, len(self.columns))
+
+    def members(self, particles: Particles) -> dict[str, Any]:
+        """Return what the matrix is by the names that a `matrix_type` has for it."""
+        found = {"start": self.start, "length": particles[self.length]}
+        for chunk, (column, value) in enumerate(zip(self.columns, self.values, strict=True)):
+            found |= dict(zip(arrays(chunk), (column, value), strict=True))
+        return found | ({"rows_of_chunk": self._rows_of_chunk} if len(self.columns) > 1 else {})
+
+    def matrix(self, particles: Particles) -> Any:
+        """Return the matrix as an argument of kernels."""
+        return matrix_type(self.entries)(**self.members(particles))
 
     def assemble(
         self, laplacian: Laplacian, lattice: Lattice, particles: Particles, pairs: Pairs, *, over: int = ANY,
@@ -171,14 +192,15 @@ class LinearSystem:
             terms, equation, signature, near, own, laplacian.weight.function(), particles.dimension, pairs.periodic,
             len(arguments), self.real,
         )  # fmt: skip
-        kernel(
-            particles["position"], particles[self.state], particles[self.diagonal], particles[self.rhs],
-            particles[self.length], particles[self.grounded],
-            self.start, pairs.list.start, pairs.list.length, pairs.list.neighbour, self.column, self.value,
-            *[particles[n] for n in (*near, *own)],
-            particles.active, _stretches(particles.active), laplacian.radius(lattice), laplacian.scale(lattice),
-            *arguments, *pairs.list.period,
-        )  # fmt: skip
+        for chunk, column, value in zip(pairs.list.chunks, self.columns, self.values, strict=True):
+            kernel(
+                particles["position"], particles[self.state], particles[self.diagonal], particles[self.rhs],
+                particles[self.length], particles[self.grounded],
+                self.start, pairs.list.start, pairs.list.length, chunk.neighbour, column, value,
+                *[particles[n] for n in (*near, *own)],
+                chunk.begin, chunk.end, _stretches(chunk.end - chunk.begin), laplacian.radius(lattice),
+                laplacian.scale(lattice), *arguments, *pairs.list.period,
+            )  # fmt: skip
 
     def _place(self, particles: Particles, pairs: Pairs) -> None:
         """Make room: every row with an equation gets as many slots as it has neighbours, and no other row any."""
@@ -186,21 +208,28 @@ class LinearSystem:
         if self.start is None or self.start.shape[0] != particles.capacity:
             self.start = kernels.array(kernels.i32, particles.capacity)
             self._sums = kernels.array(kernels.i64, blocks + 1)
-        _placing_kernel(kernels.light(particles.active))(
-            particles[self.state], pairs.list.length, self.start, self._sums, particles.active
-        )
-        needed = int(kernels.host(self._sums)[-(-particles.active // _ROWS_PER_BLOCK)])
-        if needed > self._slots or self.column is None:
+        chunks = pairs.list.chunks
+        self._rows_of_chunk = chunks[0].end - chunks[0].begin
+        del self.columns[len(chunks) :], self.values[len(chunks) :]
+        for number, chunk in enumerate(chunks):
+            rows = chunk.end - chunk.begin
+            _placing_kernel(kernels.light(rows))(
+                particles[self.state], pairs.list.length, self.start, self._sums, chunk.begin, chunk.end
+            )
+            needed = int(kernels.host(self._sums)[-(-rows // _ROWS_PER_BLOCK)])
+            if number < len(self.columns) and needed <= self.columns[number].shape[0]:
+                continue
             # Let go of the old ones first: at ten million rows there is no room for both.
-            self.column = self.value = None
-            self._slots = int(_MORE_SLOTS * needed) + 64
-            self.column = kernels.array(kernels.i32, self._slots)
-            self.value = kernels.array(self.real, self._slots)
+            del self.columns[number : number + 1], self.values[number : number + 1]
+            slots = min(int(_MORE_SLOTS * needed) + 64, kernels.LONGEST_ARRAY)
+            self.columns.insert(number, kernels.array(kernels.i32, slots))
+            self.values.insert(number, kernels.array(self.real, slots))
 
     def bytes(self) -> int:
         """Return the memory of the entries and their places [bytes]."""
         places = 0 if self.start is None else 4 * self.start.shape[0] + 8 * self._sums.shape[0]
-        return places + self._slots * (4 + (4 if self._single else kernels.runtime().dtype().itemsize))
+        slots = sum(column.shape[0] for column in self.columns)
+        return places + slots * (4 + (4 if self._single else kernels.runtime().dtype().itemsize))
 
 
 def _stretches(rows: int) -> int:
@@ -224,25 +253,25 @@ def _placing_kernel(serial: bool) -> Any:
     qd, size = kernels.qd, _ROWS_PER_BLOCK
 
     @kernels.kernel
-    def place(state: Rows, length: Rows, start: Rows, sums: Sums, count: kernels.i32):
+    def place(state: Rows, length: Rows, start: Rows, sums: Sums, begin: kernels.i32, end: kernels.i32):
         qd.loop_config(serialize=serial)
-        for b in range((count + size - 1) // size):
+        for b in range((end - begin + size - 1) // size):
             total = 0
-            for i in range(b * size, qd.min((b + 1) * size, count)):
+            for i in range(begin + b * size, qd.min(begin + (b + 1) * size, end)):
                 total += qd.select(state[i] == UNKNOWN, length[i], 0)
             sums[b] = qd.cast(total, qd.i64)
         qd.loop_config(serialize=True)
         for _ in range(1):
             before = qd.cast(0, qd.i64)
-            for b in range((count + size - 1) // size):
+            for b in range((end - begin + size - 1) // size):
                 own = sums[b]
                 sums[b] = before
                 before += own
-            sums[(count + size - 1) // size] = before
+            sums[(end - begin + size - 1) // size] = before
         qd.loop_config(serialize=serial)
-        for b in range((count + size - 1) // size):
+        for b in range((end - begin + size - 1) // size):
             slot = sums[b]
-            for i in range(b * size, qd.min((b + 1) * size, count)):
+            for i in range(begin + b * size, qd.min(begin + (b + 1) * size, end)):
                 start[i] = qd.cast(slot, qd.i32)
                 slot += qd.cast(qd.select(state[i] == UNKNOWN, length[i], 0), qd.i64)
 
@@ -276,7 +305,7 @@ def _assembly_kernel(
         scope[f"In_{n}"] = kernels.array_type(types[n])
         parameters.append(f"in_{n}: In_{n}")
     arguments = [f"argument{k}" for k in range(n_arguments)]
-    parameters += ["count: qd.i32", "parts: qd.i32", "re: real", "scale: real"]
+    parameters += ["begin: qd.i32", "end: qd.i32", "parts: qd.i32", "re: real", "scale: real"]
     parameters += [f"{n}: real" for n in (*arguments, *[f"period{k}" for k in range(d)])]
     of_equation = "".join(f", {n}" for n in arguments)
     missing = terms.diagonal is not None and equation.outside is not None
@@ -286,10 +315,11 @@ def _assembly_kernel(
         "    qd.loop_config(serialize=serial, block_dim=1)" if kernels.runtime().device == "cpu" else "",
         f"    for t in range(parts * {spread}):",
         f"        part = t // {spread}",
-        "        begin = qd.cast(qd.cast(count, qd.i64) * part // parts, qd.i32)",
-        f"        end = qd.select(t % {spread} == 0, qd.cast(qd.cast(count, qd.i64) * (part + 1) // parts, qd.i32), 0)",
-        "        cursor = out_start[begin]",
-        "        for i in range(begin, end):",
+        "        rows = qd.cast(end - begin, qd.i64)",
+        "        first_row = begin + qd.cast(rows * part // parts, qd.i32)",
+        f"        beyond = qd.select(t % {spread} == 0, begin + qd.cast(rows * (part + 1) // parts, qd.i32), 0)",
+        "        cursor = out_start[first_row]",
+        "        for i in range(first_row, beyond):",
         "            used = 0",
         "            tied = 0",
         "            total = qd.cast(1, real)",

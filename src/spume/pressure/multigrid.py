@@ -12,6 +12,7 @@ from spume.pressure import aggregation, coarsest, cycle, levels
 from spume.pressure.base import NotConverged, Solution, Solver
 from spume.pressure.bicgstab import StabilisedBiconjugateGradient
 from spume.pressure.conjugate_gradient import ConjugateGradient, floor, solution
+from spume.pressure.entries import SINGLES
 from spume.pressure.matrix import UNKNOWN, LinearSystem
 
 ROOM = (1 / 3, 5.0)
@@ -76,6 +77,7 @@ class _Workspace:
         self._scalars = kernels.array(self._real, cycle.SCALARS + 4 * (aggregation.LEVELS + 1))
         self._partial = kernels.array(self._real, 3 * self._parts)
         self._low, self._high = (kernels.array(kernels.vector(d), self._parts) for _ in range(2))
+        self._running = kernels.scalar_array(kernels.i32)
         self._coarse: Any = None
         self._host_table: NDArray[np.int32] = np.zeros(aggregation.TABLE, np.int32)
 
@@ -86,7 +88,7 @@ class _Workspace:
         diagonal = particles[system.diagonal]
         vectors = [diagonal, *(particles[n] for n in (system.solution, system.rhs, *ConjugateGradient.vectors))]
         self._floor = floor(system, solver)
-        self._state, self._diagonal, self._value = particles[system.state], diagonal, system.real
+        self._state, self._diagonal, self._entries = particles[system.state], diagonal, system.entries
         alone = aggregation.alone(particles.active)
         build = self._build_in_one_thread if alone else self._build_with_threads
         while True:
@@ -100,12 +102,12 @@ class _Workspace:
             )
         self._plan(depth, solver.inner_levels)
         if alone:
-            cycle.solve_in_one_thread(system.symmetric, system.real)(
+            cycle.solve_in_one_thread(system.symmetric, system.entries)(
                 level, self._coarse, self._table, self._operations, self._length, *vectors, self._image, self._partial,
                 self._scalars, solver.tolerance, self._floor, solver.largest_iterations,
             )  # fmt: skip
         else:
-            self._iterate(level, vectors, solver, cycle.parallel_kernels(system.symmetric, system.real))
+            self._iterate(level, vectors, solver, system)
         # One element at a time: copying the whole array would wake the thread pool.
         return solution(self._scalars, solver)
 
@@ -127,12 +129,13 @@ class _Workspace:
 
     def _build_in_one_thread(self, level: Any, particles: Particles) -> tuple[int, int]:
         """Build the levels; return their number and what there was no room for."""
-        code = int(levels.build_in_one_thread(self._d, self._value)(*self._arguments(level, particles)))
+        code = int(levels.build_in_one_thread(self._d, self._entries)(*self._arguments(level, particles)))
         return code % levels.BEHIND_DEPTH, code // levels.BEHIND_DEPTH
 
     def _build_with_threads(self, level: Any, particles: Particles) -> tuple[int, int]:
-        build_first, build_next, build_rest = levels.build_with_threads(self._d, self._value)
-        build_first(*self._arguments(level, particles))
+        build_first, build_next, build_rest = levels.build_with_threads(self._d, self._entries)
+        combined = aggregation.stretches(self._rows)
+        build_first(*self._arguments(level, particles), combined)
         table, k = self._table.to_numpy(), 1
         while table[aggregation.DEPTH] == k + 1 and not table[aggregation.OVERFLOW]:
             room = (self._rows, self._slots)
@@ -140,18 +143,27 @@ class _Workspace:
                 build_rest(self._coarse, self._diagonal, self._scratch, self._table, k, *room)
                 table = self._table.to_numpy()
                 break
-            build_next(self._coarse, self._diagonal, self._scratch, self._table, k, *room)
+            build_next(self._coarse, self._diagonal, self._scratch, self._table, k, *room, combined)
             table, k = self._table.to_numpy(), k + 1
         self._host_table = table
         return int(table[aggregation.DEPTH]), int(table[aggregation.OVERFLOW])
 
-    def _iterate(self, level: Any, vectors: list[Any], solver: Multigrid, kernel: Any) -> None:
+    def _iterate(self, level: Any, vectors: list[Any], solver: Multigrid, system: LinearSystem) -> None:
         """Iterate with all threads on the large levels; runs of operations on small ones are one launch each."""
         diagonal, x, rhs, r, p, q = vectors
+        kernel = cycle.parallel_kernels(system.symmetric, system.entries)
         table, coarse, parts = self._host_table, self._coarse, self._parts
         partial, scalars, n = self._partial, self._scalars, int(table[1])
         runs = self._runs(table)
         kernel.start(level, diagonal, x, rhs, r, p, q, partial, scalars, self._floor, n, parts)
+        if all(operation == cycle.RUN for operation, *_ in runs):
+            if scalars[cycle.REST] > solver.tolerance**2 * scalars[cycle.RIGHT]:
+                cycle.solve_on_finest(system.symmetric, system.entries)(
+                    level, coarse, self._table, self._operations, self._length, diagonal, x, r, p, q, self._image,
+                    partial, scalars, self._running, solver.tolerance, solver.largest_iterations, n,
+                    int(table[3]) if self._length else 0, parts,
+                )  # fmt: skip
+            return
         while True:
             # Written so that a residual that is not a number ends the iteration.
             if not scalars[cycle.REST] > solver.tolerance**2 * scalars[cycle.RIGHT]:
@@ -213,7 +225,7 @@ class _Workspace:
         self._cells = capacity + (1 << 16)
         integers = ("row", "start", "length", "aggregate", "member", "first", "last", "cell")
         singles = ("diagonal", "excess", "inverse", "right", "old", "new", "image", "kept")
-        self._coarse = aggregation.level_type(kernels.f32)(
+        self._coarse = aggregation.level_type(SINGLES)(
             column=kernels.array(kernels.i32, self._slots),
             value=kernels.array(kernels.f32, self._slots),
             **{n: kernels.array(kernels.i32, self._rows) for n in integers},
@@ -223,16 +235,16 @@ class _Workspace:
         self._scratch = aggregation.scratch_type()(
             **{n: kernels.array(kernels.i32, self._cells + 2) for n in ("begin", "cursor", "base")},
             **{n: kernels.array(kernels.i32, capacity) for n in ("order", "label")},
-            marker=kernels.array(kernels.i32, aggregation.stretches() * self._rows),
+            marker=kernels.array(kernels.i32, aggregation.stretches(self._rows) * self._rows),
             sums=kernels.array(kernels.i32, 1024),
         )
 
     def _finest_level(self, system: LinearSystem, particles: Particles) -> Any:
         mine = self._finest
         unused, no_rows = mine["new"], mine["member"]
-        return aggregation.level_type(system.real)(
-            **mine, start=system.start, length=particles[system.length], column=system.column, value=system.value,
-            first=no_rows, last=no_rows, cell=no_rows, excess=unused, image=unused, kept=unused, band=self._image,
+        return aggregation.level_type(system.entries)(
+            **mine, **system.members(particles), first=no_rows, last=no_rows, cell=no_rows, excess=unused, image=unused,
+            kept=unused, band=self._image,
         )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spume.lattice import Lattice
-from spume.pairs import Pairs, pair_sum, pair_term
+from spume.pairs import Pairs, PairSum, pair_sums, pair_term
 from spume.particles import FLUID, Field, Particles
 from spume.schemes.operator import Operator
 
@@ -27,20 +27,21 @@ def towards_neighbours(a, b, r, w, scale):  # type: ignore[no-untyped-def]
     return w / r.dot(r) * r
 
 
+def crowding_sum(operator: Operator, lattice: Lattice) -> PairSum:
+    """Return the sum that `crowding_vector` makes."""
+    scale = lattice.dimension / operator.n0(lattice)
+    return PairSum(
+        (towards_neighbours,), ("crowding",), operator.weight, operator.radius(lattice), FLUID, arguments=(scale,)
+    )
+
+
 def crowding_vector(operator: Operator, lattice: Lattice, particles: Particles, pairs: Pairs) -> None:
     """Write ``crowding`` = d/n0 sum_j W r_ij/r^2 [1/m] of fluid rows, over rows of every kind.
 
     It vanishes on the regular arrangement; on a flat surface of it its length is 0.492/l0 in 2D and 0.495/l0 in 3D
     (re = 2.1 l0).
     """
-    recipe = (operator.weight, operator.re)
-    if particles.keeps("crowding", recipe, ("position",)):
-        return
-    pair_sum(
-        towards_neighbours, particles, pairs, out="crowding", weight=operator.weight, re=operator.radius(lattice),
-        rows=FLUID, arguments=(lattice.dimension / operator.n0(lattice),),
-    )  # fmt: skip
-    particles.keep("crowding", recipe, ("position",))
+    pair_sums((crowding_sum(operator, lattice),), particles, pairs)
 
 
 def half_lattice(

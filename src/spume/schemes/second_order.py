@@ -90,12 +90,13 @@ def second_order_vectors(
     kernel, scratch = _kernel(
         operator.weight.function(), d, pairs.periodic, rows, over, inverse_square, laplacian, gradient
     )
-    kernel(
-        particles["position"], particles["kind"], pairs.list.start, pairs.list.length, pairs.list.neighbour,
-        particles["fit_degree"], *[particles[n] for n in outs], scratch, particles.active,
-        operator.radius(lattice), float(l0), float(1.0 / operator.n0(lattice)), float(1.0 / first_moment),
-        float(d / fourth_moment), *pairs.list.period,
-    )  # fmt: skip
+    for chunk in pairs.list.chunks:
+        kernel(
+            particles["position"], particles["kind"], pairs.list.start, pairs.list.length, chunk.neighbour,
+            particles["fit_degree"], *[particles[n] for n in outs], scratch, chunk.begin, chunk.end,
+            operator.radius(lattice), float(l0), float(1.0 / operator.n0(lattice)), float(1.0 / first_moment),
+            float(d / fourth_moment), *pairs.list.period,
+        )  # fmt: skip
 
 
 def _blocks() -> int:
@@ -130,7 +131,8 @@ def _kernel(
     for name, shape in outs:
         scope[f"Out_{name}"] = kernels.array_type(kernels.value_type(shape))
         parameters.append(f"{name}: Out_{name}")
-    parameters += ["work: Reals", "count: qd.i32", "re: real", "l0: real", "scale: real", "first: real", "second: real"]
+    parameters += ["work: Reals", "begin: qd.i32", "end: qd.i32"]
+    parameters += [f"{n}: real" for n in ("re", "l0", "scale", "first", "second")]
     parameters += [f"period{k}: real" for k in range(d)]
     lines = [
         f"def second_order({', '.join(parameters)}):",
@@ -139,8 +141,9 @@ def _kernel(
         f"        b = t // {spread}",
         f"        at = b * {room}",
         f"        right = at + {triangle}",
-        f"        for i in range(qd.cast(qd.cast(count, qd.i64) * b // {parts}, qd.i32),"
-        f" qd.select(t % {spread} == 0, qd.cast(qd.cast(count, qd.i64) * (b + 1) // {parts}, qd.i32), 0)):",
+        "        rows = qd.cast(end - begin, qd.i64)",
+        f"        for i in range(begin + qd.cast(rows * b // {parts}, qd.i32),"
+        f" qd.select(t % {spread} == 0, begin + qd.cast(rows * (b + 1) // {parts}, qd.i32), 0)):",
         f"            if kind[i] & {rows} != 0:",
         "                m = Moments(0.0)",
         "                x = position[i]",

@@ -10,7 +10,7 @@ from pydantic import model_validator
 from spume import kernels
 from spume.domain import Domain
 from spume.named import Scheme
-from spume.pairs import row_map, row_term
+from spume.pairs import pair_sums, row_map, row_term
 from spume.particles import ANY, FLUID, WALL, Field, Particles
 from spume.pressure.base import Solver
 from spume.pressure.components import COMPONENT
@@ -257,6 +257,12 @@ def nested(scheme: Scheme) -> Iterator[Scheme]:
         value = getattr(scheme, name)
         if isinstance(value, Scheme):
             yield from nested(value)
+
+
+def sum_positions(step: Step, domain: Domain) -> None:
+    """Make in one pass the sums over positions alone that the models of a step ask for where it starts."""
+    models = (step.number_density, step.wall_model, step.free_surface, step.divergence)
+    pair_sums([s for model in models for s in model.sums(domain.lattice)], domain.particles, domain.pairs)
 
 
 def accelerate(domain: Domain, t: float, dt: float) -> None:

@@ -18,20 +18,23 @@ from spume.schemes.shifting.fickian import Fickian
 
 @row_term(reads=("crowding", "surface_share", "surface_normal", "number_density", "relative_motion"))
 def shift(a, constant, relative, spray, supported, largest):  # type: ignore[no-untyped-def]
-    along = tangential(a.crowding, a.surface_normal)
-    share = a.surface_share * min(max((a.number_density - spray) / max(supported - spray, 1e-6), 0.0), 1.0)
-    coefficient = min(constant, relative * sqrt(a.relative_motion))
-    return limited(-coefficient * ((1.0 - a.surface_share) * a.crowding + share * along), largest)
+    move = (1.0 - a.surface_share) * a.crowding
+    if a.surface_share > 0.0:
+        share = a.surface_share * min(max((a.number_density - spray) / max(supported - spray, 1e-6), 0.0), 1.0)
+        move += share * tangential(a.crowding, a.surface_normal)
+    return limited(-min(constant, relative * sqrt(a.relative_motion)) * move, largest)
 
 
 class FickianAlongSurface(Fickian, name="fickian-along-surface"):
-    """delta r_i = -D [(1 - theta_i) I + theta_i beta_i (I - n_i n_i)] s_i, s_i = d/n0 sum_j W r_ij/r^2.
+    """delta r_i = -D_i [(1 - theta_i) I + theta_i beta_i (I - n_i n_i)] s_i, s_i = d/n0 sum_j W r_ij/r^2.
 
     ``fickian`` inside, along the surface on it: rows of a surface that keep their places crowd there in pairs,
     which pushes one of each out of the water. n is the renormalised normal; beta falls from 1 to 0
     between 0.65 and 0.5 n0, for spray has no surface to go along. No row is sorted into classes, so none
-    jumps. D as for ``fickian``. Conserves nothing, as it moves rows without their reaction. (This project; Xu
-    2009 with the tangential part of Lind 2012.)
+    jumps. D_i is that of ``fickian``, but at most A l0 max_j |u_j - u_i| dt: rows that do not move against each other do
+    not become disordered, and water that is almost at rest, shifted at each step all the same, sinks into
+    itself by a part of a thousand and feeds its waves. Conserves nothing, as it moves rows without their reaction.
+    (This project; Xu 2009 with the tangential part of Lind 2012.)
     """
 
     ids: ClassVar[tuple[str, ...]] = ()
@@ -51,10 +54,13 @@ class FickianAlongSurface(Fickian, name="fickian-along-surface"):
         coefficient = advective_diffusivity(self, self.advective, constant, lattice, particles, dt)
         relative_motion(self, lattice, particles, pairs)
         crowding_vector(self, lattice, particles, pairs)
-        surface_normals(self, lattice, particles, pairs)
+        surface_normals(self, lattice, particles, pairs, where="surface_share")
         n0 = number_density.n0(lattice)
         row_map(
             shift, particles, out="shift", rows=FLUID,
-            arguments=(coefficient, self.relative * lattice.spacing * dt, self.spray * n0, self.supported * n0, self.largest * lattice.spacing),
+            arguments=(
+                coefficient, self.relative * lattice.spacing * dt,
+                self.spray * n0, self.supported * n0, self.largest * lattice.spacing,
+            ),
         )  # fmt: skip
         self.shift(lattice, particles, pairs)
