@@ -36,8 +36,9 @@ class Imaged(Gradient, name="imaged"):
     vector of its images, delta_i its distance from the surface (`surface_images`), and eigenvalues of
     the bracket ``floor`` at least. The images, at -b_i all together, have the pressure that vanishes at delta_i
     outside and goes on with the slope P_i/delta_i. Exact for linear fields on any arrangement inside the fluid, and for
-    those that vanish there on any arrangement of its surface, so that rows of a surface that is stretched or crowded are still held. The same images as those of the
-    ``free_surface`` of that name. ``completed`` takes what is missing of the lattice instead. (This project.)
+    those that vanish there on any arrangement of its surface, so that rows of a surface that is stretched or crowded
+    are still held. The same images as those of the ``free_surface`` of that name. ``completed`` takes what is missing
+    of the lattice instead. (This project.)
     """
 
     reference: ClassVar = "liu2018"

@@ -31,8 +31,8 @@ class FickianAlongSurface(Fickian, name="fickian-along-surface"):
     ``fickian`` inside, along the surface on it: rows of a surface that keep their places crowd there in pairs,
     which pushes one of each out of the water. n is the renormalised normal; beta falls from 1 to 0
     between 0.65 and 0.5 n0, for spray has no surface to go along. No row is sorted into classes, so none
-    jumps. D_i is that of ``fickian``, but at most A l0 max_j |u_j - u_i| dt: rows that do not move against each other do
-    not become disordered, and water that is almost at rest, shifted at each step all the same, sinks into
+    jumps. D_i is that of ``fickian``, but at most A l0 max_j |u_j - u_i| dt: rows that do not move against each other
+    do not become disordered, and water that is almost at rest, shifted at each step all the same, sinks into
     itself by a part of a thousand and feeds its waves. Conserves nothing, as it moves rows without their reaction.
     (This project; Xu 2009 with the tangential part of Lind 2012.)
     """
