@@ -61,8 +61,8 @@ def half_lattice(
     offsets = offsets.reshape(-1, dimension).astype(float)
     whole = np.linalg.norm(offsets, axis=1)
     n0 = float(weight.values(whole[(whole > 0.0) & (whole < re)], re).sum())
-    offsets[:, -1] *= stretch
-    offsets[:, :-1] *= stretch ** (-1.0 / (dimension - 1))
+    across = stretch ** (-1.0 / (dimension - 1))
+    offsets = offsets * np.array([across] * (dimension - 1) + [stretch])
     r = np.linalg.norm(offsets, axis=1)
     kept = (r > 0.0) & (r < re) & (offsets[:, -1] <= 0.0)
     return offsets[kept], r[kept], dimension / n0

@@ -66,12 +66,12 @@ def own_distance(a, l0, flat, usual, power, least, largest):  # type: ignore[no-
 
 
 @pair_term(reads=("surface_distance", "surface_share"))
-def distance_of_neighbour(a, b, r, w, scale):  # type: ignore[no-untyped-def]
+def distance_of_neighbour(a, b, r, w):  # type: ignore[no-untyped-def]
     return w * b.surface_share * b.surface_distance
 
 
 @pair_term(reads=("surface_share",))
-def share_of_neighbour(a, b, r, w, scale):  # type: ignore[no-untyped-def]
+def share_of_neighbour(a, b, r, w):  # type: ignore[no-untyped-def]
     return w * b.surface_share
 
 
@@ -167,7 +167,7 @@ def surface_images(operator: Operator, lattice: Lattice, particles: Particles, p
     )  # fmt: skip
     pair_sum(
         (distance_of_neighbour, share_of_neighbour), particles, pairs, out=("distance_around", "share_around"),
-        weight=operator.weight, re=radius, over=FLUID, arguments=(scale,), where="surface_share",
+        weight=operator.weight, re=radius, over=FLUID, where="surface_share",
     )  # fmt: skip
     nearest = float(operator.weight.values(1.0, operator.re))
     row_map(mean_distance, particles, out="surface_distance", arguments=(nearest,), where="surface_share")
