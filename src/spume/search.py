@@ -47,7 +47,7 @@ class NeighbourList:
     Attributes:
         start: first slot of each row's list in its chunk (int64).
         length: number of neighbours of each row (int32).
-        met: kinds of a row's neighbours, joined by OR: 1 says that it sees fluid alone.
+        fluid: how many of a row's neighbours are fluid: those come first in its list.
         chunks: the rows as they were cut at the last build, with their neighbours.
         builds: how many times the list was built.
         current_skin: skin of the present list [m]: ``skin`` in calm flow, 0 where rows move too fast for it.
@@ -195,7 +195,7 @@ class NeighbourList:
         self._capacity = particles.capacity
         self.start = kernels.array(kernels.i64, self._capacity)
         self.length = kernels.array(kernels.i32, self._capacity)
-        self.met = kernels.array(kernels.i32, self._capacity)
+        self.fluid = kernels.array(kernels.i32, self._capacity)
         self._cell = kernels.array(kernels.i32, self._capacity)
         self._order = kernels.array(kernels.i32, self._capacity)
         self._built = kernels.array(kernels.vector(particles.dimension), self._capacity)
@@ -267,8 +267,8 @@ class NeighbourList:
         _scatter_kernel(light)(
             self._cell, self._cell_start, self._cursor, self._order, particles["id"], self._flag, count, 2 * cells
         )
-        if kernels.host(self._flag)[0]:
-            particles.reorder(self._order)
+        if last := int(kernels.host(self._flag)[0]):
+            particles.reorder(self._order, last)
         particles.part(int(kernels.host(self._cell_start)[cells]))
 
     def _fill(
@@ -282,7 +282,7 @@ class NeighbourList:
         self._flag.fill(0)
         for chunk in self.chunks:
             kernel(
-                particles["position"], particles["kind"], self._cell_start, self.start, self.length, self.met,
+                particles["position"], particles["kind"], self._cell_start, self.start, self.length, self.fluid,
                 chunk.neighbour, self._flag, chunk.begin, chunk.end, storage.rows_per_block, storage.slots_per_block,
                 self.radius + self.current_skin,
                 *map(float, origin), *map(float, size), *[int(s) for s in shape], *self.period,
@@ -507,6 +507,6 @@ def _scatter_kernel(serial: bool) -> Any:
         qd.loop_config(serialize=serial)
         for i in range(count):
             if order[i] != i:
-                changed[0] = 1
+                qd.atomic_max(changed[0], i + 1)
 
     return scatter
