@@ -174,6 +174,15 @@ def test_bad_input_ends_with_2_and_one_message(call, tmp_path, words, message):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("command", ["check", "run"])
+def test_more_particles_than_fit_are_refused_before_anything_is_computed(call, tmp_path, monkeypatch, command):
+    monkeypatch.setattr(kernels, "LONGEST_ARRAY", 500)
+    result = call(command, "dam-break", "--set", "spacing=0.05")
+    assert result.exit_code == 2
+    assert "at most 100 fit, for the array of the solver's coarse levels has 5" in " ".join(result.output.split())
+    assert not list(tmp_path.rglob("*.png"))
+
+
 class Ended:
     step_index, time = 3, 0.5
 
@@ -184,6 +193,7 @@ class Ended:
         ("finished", 0, "Done: 3 steps"),
         ("interrupted", 4, "Interrupted after 3 steps"),
         (Diverged("step 7, t = 0.1 s: too fast"), 3, "error: step 7"),
+        (kernels.ArrayTooLong("an array of 3e9 numbers"), 2, "error: an array of 3e9"),
         (KeyboardInterrupt(), 4, "interrupted"),
         (PermissionError("read-only"), 2, "read-only"),
         (

@@ -172,7 +172,7 @@ def test_a_list_in_the_midst_of_its_life_is_made_again():
         found = []
         for pairs in (mine, other):
             start, length = kernels.host(pairs.start)[row], kernels.host(pairs.length)[row]
-            found.append(kernels.host(pairs.neighbour)[start : start + length].tolist())
+            found.append(kernels.host(pairs.chunks[0].neighbour)[start : start + length].tolist())
         assert found[0] == found[1]
 
 

@@ -503,14 +503,14 @@ def build(
 
     rows = initial_rows(case)
     check_gauges(case, rows)
-    _refuse_too_many(case, len(rows["kind"]))
+    check_size(case, len(rows["kind"]))
     warn_of_models(case)
     threads = threads or case.threads or kernels.worthwhile_threads(len(rows["kind"]))
     kernels.initialize(device or case.device, threads, precision or case.precision)
     return _simulation(case, rows)
 
 
-def _refuse_too_many(case: Case, rows: int) -> None:
+def check_size(case: Case, rows: int) -> None:
     """Refuse a case of which one array would have more numbers than the kernel language has indices for.
 
     Lists of neighbours and matrices lie in several arrays, a field and the coarse levels of the solver in one each.

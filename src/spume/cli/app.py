@@ -68,7 +68,7 @@ def answers(command: Callable[..., None]) -> Callable[..., None]:
             _complain(str(error))
             raise typer.Exit(INPUT) from None
         except RuntimeError as error:
-            code = {"DeviceError": INPUT, "Diverged": DIVERGED}.get(type(error).__name__)
+            code = {"DeviceError": INPUT, "ArrayTooLong": INPUT, "Diverged": DIVERGED}.get(type(error).__name__)
             if code is None:
                 raise
             _complain(str(error))

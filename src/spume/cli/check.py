@@ -37,6 +37,7 @@ def check(
 
     rows = build.initial_rows(loaded)
     build.check_gauges(loaded, rows)
+    build.check_size(loaded, len(rows["kind"]))
     build.warn_of_models(loaded)
     cores = kernels.possible_threads(loaded.threads or kernels.worthwhile_threads(len(rows["kind"])))
     predicted = predict(loaded, rows, cores)

@@ -79,6 +79,7 @@ class _Workspace:
         self._low, self._high = (kernels.array(kernels.vector(d), self._parts) for _ in range(2))
         self._running = kernels.scalar_array(kernels.i32)
         self._coarse: Any = None
+        self._scratch: Any = None
         self._host_table: NDArray[np.int32] = np.zeros(aggregation.TABLE, np.int32)
 
     def solve(self, solver: Multigrid, system: LinearSystem, particles: Particles) -> Solution:
@@ -223,6 +224,7 @@ class _Workspace:
             self._image = kernels.array(self._real, capacity)
         self._capacity, self._rows, self._slots = capacity, max(rows, self._rows), max(slots, self._slots)
         self._cells = capacity + (1 << 16)
+        self._coarse = self._scratch = None  # there may be no room for the old ones beside the new
         integers = ("row", "start", "length", "aggregate", "member", "first", "last", "cell")
         singles = ("diagonal", "excess", "inverse", "right", "old", "new", "image", "kept")
         self._coarse = aggregation.level_type(SINGLES)(
