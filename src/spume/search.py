@@ -260,7 +260,7 @@ class NeighbourList:
             self._sums = kernels.array(kernels.i32, _SCAN_BLOCKS)
         light = kernels.light(count)
         _cell_kernel(d, self.periodic, light)(
-            particles["position"], particles["kind"], self._cell, self._cursor, self._near, count, cells,
+            particles["position"], particles["kind"], self._cell, self._order, self._cursor, self._near, count, cells,
             *map(float, origin), *map(float, size), *[int(s) for s in shape],
         )  # fmt: skip
         _scan_kernel(light)(self._cursor, self._cell_start, self._sums, 2 * cells + 1)
@@ -410,8 +410,8 @@ def _cell_kernel(d: int, periodic: tuple[bool, ...], serial: bool) -> Any:
         else:
             walk.append(f"{indent}n{k} = qd.min(qd.max(b{k} + o{k}, 0), blocks{k} - 1)")
     lines = [
-        "def cells(position: Vectors, kind: Rows, cell: Rows, counts: Rows, fluid: Rows, count: qd.i32, cells: qd.i32,",
-        f"          {', '.join(parameters)}):",
+        "def cells(position: Vectors, kind: Rows, cell: Rows, block_of: Rows, counts: Rows, fluid: Rows,",
+        f"          count: qd.i32, cells: qd.i32, {', '.join(parameters)}):",
         *blocks,
         "    qd.loop_config(serialize=serial)",
         "    for c in range(2 * cells + 1):",
@@ -422,8 +422,9 @@ def _cell_kernel(d: int, periodic: tuple[bool, ...], serial: bool) -> Any:
         *index,
         *of_row,
         f"        cell[i] = {flat}",
+        f"        block_of[i] = {block}",
         f"        if kind[i] & {FLUID} != 0:",
-        f"            fluid[{block}] = 1",
+        "            fluid[block_of[i]] = 1",
         "    qd.loop_config(serialize=serial)",
         f"    for q in range({' * '.join(f'blocks{k}' for k in axes)}):",
         *[f"        b{k} = q // ({' * '.join(['1', *[f'blocks{m}' for m in range(k)]])}) % blocks{k}" for k in axes],
@@ -434,10 +435,7 @@ def _cell_kernel(d: int, periodic: tuple[bool, ...], serial: bool) -> Any:
         "    qd.loop_config(serialize=serial)",
         "    for i in range(count):",
         f"        if kind[i] & {FLUID} == 0:",
-        "            c = cell[i]",
-        *[f"            c{k} = c // ({' * '.join(['1', *[f'shape{m}' for m in range(k)]])}) % shape{k}" for k in axes],
-        *["    " + line for line in of_row],
-        f"            if fluid[cells + {block}] == 0:",
+        "            if fluid[cells + block_of[i]] == 0:",
         "                cell[i] += cells",
         "        counts[cell[i]] += 1",
     ]
