@@ -110,17 +110,18 @@ def test_rows_stand_in_cell_order_and_by_id_within_a_cell(d):
     assert np.array_equal(x, position[particles.numpy("id")]), "every field moves with its row"
 
 
-def test_kinds_that_a_row_meets():
+def test_fluid_neighbours_come_first():
     rng = np.random.default_rng(4)
     kind = rng.choice([FLUID, FLUID, FLUID, WALL, DUMMY], 200)
     _, particles, pairs = table(rng.uniform(0, 2, (200, 2)), kind=kind)
-    found, start, length = pairs.list, pairs.list.start.to_numpy(), pairs.list.length.to_numpy()
-    rows, neighbour, kind = found.met.to_numpy(), found.chunks[0].neighbour.to_numpy(), particles.numpy("kind")
-    expected = [np.bitwise_or.reduce(kind[neighbour[s : s + n]]) for s, n in zip(start, length, strict=True)]
-    assert np.array_equal(
-        rows[: particles.active][kind != DUMMY], np.array(expected[: particles.active])[kind != DUMMY]
-    )
-    assert {1, 7} <= set(rows[: particles.active]), "rows among fluid alone, and rows that meet every kind"
+    found, kind = pairs.list, particles.numpy("kind")
+    start, length, fluid = (a.to_numpy() for a in (found.start, found.length, found.fluid))
+    neighbour = found.chunks[0].neighbour.to_numpy()
+    for row in range(particles.active):
+        kinds = kind[neighbour[start[row] : start[row] + length[row]]]
+        assert np.all(kinds[: fluid[row]] == FLUID), "fluid first"
+        assert not np.any(kinds[fluid[row] :] == FLUID), "then solid rows"
+    assert np.any((fluid > 0) & (fluid < length))
 
 
 def test_order_does_not_depend_on_the_order_before():

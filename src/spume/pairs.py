@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from spume import kernels
-from spume.particles import ANY, DUMMY, FLUID, WALL, Particles
+from spume.particles import ANY, DUMMY, FLUID, SOLID, WALL, Particles
 from spume.search import NeighbourList
 
 
@@ -255,7 +255,7 @@ def row_map(
     particles.traffic += count * particles.row_bytes(("kind", *(behind.get(n, n) for n in term.reads), out))
 
 
-_ROW_BITS = 0x1FFFFFFF
+ROW_BITS = 0x1FFFFFFF
 """Mask of row numbers, which changes none: it tells the compiler that three times one, and two, is an integer still.
 
 All components of a neighbour's vector are then loaded from one address.
@@ -318,7 +318,7 @@ def _reduce(
     )  # fmt: skip
     for chunk in list_.chunks:
         kernel(
-            particles["position"], particles["kind"], list_.start, list_.length, list_.met, chunk.neighbour,
+            particles["position"], particles["kind"], list_.start, list_.length, list_.fluid, chunk.neighbour,
             *([particles[where]] if where else []),
             *[particles[behind.get(n, n)] for n in reads], *[particles[n] for n in outs],
             chunk.begin, chunk.end, *radii, *list_.period, *[a for s in sums for a in s.arguments],
@@ -368,7 +368,7 @@ def _pair_kernel(
         "Rows": kernels.array_type(kernels.i32), "Reals": kernels.array_type(real),
         "infinity": float(np.finfo(kernels.runtime().dtype).max),
     }  # fmt: skip
-    parameters = ["position: Vectors", "kind: Rows", "start: Starts", "length: Rows", "met: Rows", "neighbour: Rows"]
+    parameters = ["position: Vectors", "kind: Rows", "start: Starts", "length: Rows", "fluid: Rows", "neighbour: Rows"]
     parameters += ["where: Reals"] * where
     for n in reads:
         scope[f"In_{n}"] = kernels.array_type(types[n])
@@ -407,21 +407,21 @@ def _pair_kernel(
     def added(s: str, new: str) -> str:
         return f"{s} += {new}" if operation == "sum" else f"{s} = qd.{operation}({s}, {new})"
 
-    def walk(chosen: list[int], alone: bool) -> list[str]:
-        """Return the loop of some sums over the neighbours of a row; ``alone``: they are all known to be fluid."""
-        chosen = [p for p in chosen if not alone or parts[p].over & FLUID]
+    def walk(chosen: list[int], slots: str, kinds: int) -> list[str]:
+        """Return the loop of some sums over a part of a row's neighbours that are known to be of some kinds."""
+        chosen = [p for p in chosen if parts[p].over & kinds]
         if not chosen:
-            return ["pass"]
-        asked = {p: "" if alone or parts[p].over == ANY else f"(kind[j] & {parts[p].over} != 0)" for p in chosen}
+            return []
+        asked = {p: f"(kind[j] & {parts[p].over} != 0)" if kinds & ~parts[p].over else "" for p in chosen}
         neighbour = f"b = {loading.format(row='j')}"
-        if alone:
-            # Most rows see fluid alone. Once that is said, what serves walls is not even read.
+        if kinds == FLUID:
+            # Once that is said, what serves walls is not even read.
             neighbour = neighbour.replace("kind=in_kind[j]", f"kind={FLUID}")
         seeing = [f"b.{viewed} = view(a, b, r{''.join(', ' + a for a in view_arguments)})"] if view else []
         prepare = [neighbour, *seeing, *[f"w{p} = weight{p}(qd.sqrt(rr), re{parts[p].radius})" for p in chosen]]
         lines = ["r = position[j] - x", *minimum_image(periodic), "rr = r.dot(r)"]
         first = chosen[0]
-        if len(chosen) == 1 and (selective or asked[first] or (view and not alone)):
+        if len(chosen) == 1 and (selective or asked[first]):
             lines += [f"if rr < re{parts[first].radius} * re{parts[first].radius}:"]
             lines += [f"    {line}" for line in (*prepare, *[added(s, new) for s, new in value[first]])]
             if asked[first]:
@@ -433,7 +433,7 @@ def _pair_kernel(
                 near = f"rr < re{parts[p].radius} * re{parts[p].radius}"
                 lines.append(f"near{p} = {f'({near}) & {asked[p]}' if asked[p] else near}")
                 lines += [added(s, f"qd.select(near{p}, {new}, {none})") for s, new in value[p]]
-        looping = ["for k in range(length[i]):", f"    j = neighbour[first + k] & {_ROW_BITS}"]
+        looping = [f"for k in range({slots}):", f"    j = neighbour[first + k] & {ROW_BITS}"]
         return looping + [f"    {line}" for line in lines]
 
     lines = [f"def pair_{operation}({', '.join(parameters)}):", "    qd.loop_config(serialize=serial)"]
@@ -442,10 +442,9 @@ def _pair_kernel(
         body = [f"a = {loading.format(row='i')}", *[line for p in chosen for line in begin[p]]]
         body += ["first = start[i]", "x = position[i]"]
         if view or "kind" in reads or any(parts[p].over != ANY for p in chosen):
-            body += [f"if met[i] == {FLUID}:", *[f"    {line}" for line in walk(chosen, True)]]
-            body += ["else:", *[f"    {line}" for line in walk(chosen, False)]]
+            body += walk(chosen, "fluid[i]", FLUID) + walk(chosen, "fluid[i], length[i]", SOLID)
         else:
-            body += walk(chosen, False)
+            body += walk(chosen, "length[i]", ANY)
         body += [line for p in chosen for line in end[p]]
         if where:
             body = ["if where[i] > 0:", *[f"    {line}" for line in body]]

@@ -57,6 +57,9 @@ class Field:
 _REDUCTION_BLOCKS = 128
 """Sums and maxima are made of this many partial ones, whatever the number of threads."""
 
+_BRINGING_BACK = 0.6
+"""Part of the rows up to which it is cheaper to bring the moved ones back than to move all."""
+
 BASE_FIELDS = (
     Field("position", ("d",), "m", "position of the particle's centre", output=True, restart=True),
     Field("velocity", ("d",), "m/s", "velocity", output=True, restart=True),
@@ -291,8 +294,17 @@ class Particles:
         """Number of the next row that is inserted without one."""
         return self._next_id
 
-    def reorder(self, order: Any) -> None:
-        """Gather every restart field by ``order`` (device array of row numbers, int32)."""
+    def reorder(self, order: Any, last: int | None = None) -> None:
+        """Gather every restart field by ``order`` (device array of row numbers, int32).
+
+        Args:
+            order: which row comes to each place.
+            last: number of the rows from the first on that may change places; default: all.
+        """
+        last = self.count if last is None else last
+        # Dry rows at the end stay where they are: the others are brought back, so that those need not be moved.
+        back = last < _BRINGING_BACK * self.count
+        count = last if back else self.count
         for name, field in self.fields.items():
             if field.restart:
                 kind = (field.value_shape(self.dimension), field.dtype is int)
@@ -300,10 +312,10 @@ class Particles:
                 if spare is None:
                     spare = kernels.array(self._type(field), self.capacity)
                 source = self._arrays[name]
-                _gather_kernel(*kind, kernels.light(self.count))(source, order, spare, self.count)
-                self._arrays[name] = spare
-                self._spares[kind] = source
-                self.traffic += self.count * (4 + 2 * self.row_bytes([name]))
+                _gather_kernel(*kind, kernels.light(count), back)(source, order, spare, count)
+                if not back:
+                    self._arrays[name], self._spares[kind] = spare, source
+                self.traffic += count * (4 + (4 if back else 2) * self.row_bytes([name]))
         self._row_of_id_valid = False
         self.written()
 
@@ -409,7 +421,7 @@ def _part_kernel(signature: tuple[tuple[str, tuple[int, ...], bool], ...], initi
 
 
 @kernels.cached
-def _gather_kernel(shape: tuple[int, ...], integer: bool, serial: bool) -> Any:
+def _gather_kernel(shape: tuple[int, ...], integer: bool, serial: bool, back: bool) -> Any:
     Values = kernels.array_type(kernels.value_type(shape, integer))
     Rows = kernels.array_type(kernels.i32)
     qd = kernels.qd
@@ -419,6 +431,10 @@ def _gather_kernel(shape: tuple[int, ...], integer: bool, serial: bool) -> Any:
         qd.loop_config(serialize=serial)
         for i in range(count):
             target[i] = source[order[i]]
+        if kernels.static(back):
+            qd.loop_config(serialize=serial)
+            for i in range(count):
+                source[i] = target[i]
 
     return gather
 

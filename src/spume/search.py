@@ -47,7 +47,7 @@ class NeighbourList:
     Attributes:
         start: first slot of each row's list in its chunk (int64).
         length: number of neighbours of each row (int32).
-        met: kinds of a row's neighbours, joined by OR: 1 says that it sees fluid alone.
+        fluid: how many of a row's neighbours are fluid: those come first in its list.
         chunks: the rows as they were cut at the last build, with their neighbours.
         builds: how many times the list was built.
         current_skin: skin of the present list [m]: ``skin`` in calm flow, 0 where rows move too fast for it.
@@ -195,7 +195,7 @@ class NeighbourList:
         self._capacity = particles.capacity
         self.start = kernels.array(kernels.i64, self._capacity)
         self.length = kernels.array(kernels.i32, self._capacity)
-        self.met = kernels.array(kernels.i32, self._capacity)
+        self.fluid = kernels.array(kernels.i32, self._capacity)
         self._cell = kernels.array(kernels.i32, self._capacity)
         self._order = kernels.array(kernels.i32, self._capacity)
         self._built = kernels.array(kernels.vector(particles.dimension), self._capacity)
@@ -260,15 +260,15 @@ class NeighbourList:
             self._sums = kernels.array(kernels.i32, _SCAN_BLOCKS)
         light = kernels.light(count)
         _cell_kernel(d, self.periodic, light)(
-            particles["position"], particles["kind"], self._cell, self._cursor, self._near, count, cells,
+            particles["position"], particles["kind"], self._cell, self._order, self._cursor, self._near, count, cells,
             *map(float, origin), *map(float, size), *[int(s) for s in shape],
         )  # fmt: skip
         _scan_kernel(light)(self._cursor, self._cell_start, self._sums, 2 * cells + 1)
         _scatter_kernel(light)(
             self._cell, self._cell_start, self._cursor, self._order, particles["id"], self._flag, count, 2 * cells
         )
-        if kernels.host(self._flag)[0]:
-            particles.reorder(self._order)
+        if last := int(kernels.host(self._flag)[0]):
+            particles.reorder(self._order, last)
         particles.part(int(kernels.host(self._cell_start)[cells]))
 
     def _fill(
@@ -282,7 +282,7 @@ class NeighbourList:
         self._flag.fill(0)
         for chunk in self.chunks:
             kernel(
-                particles["position"], particles["kind"], self._cell_start, self.start, self.length, self.met,
+                particles["position"], particles["kind"], self._cell_start, self.start, self.length, self.fluid,
                 chunk.neighbour, self._flag, chunk.begin, chunk.end, storage.rows_per_block, storage.slots_per_block,
                 self.radius + self.current_skin,
                 *map(float, origin), *map(float, size), *[int(s) for s in shape], *self.period,
@@ -410,8 +410,8 @@ def _cell_kernel(d: int, periodic: tuple[bool, ...], serial: bool) -> Any:
         else:
             walk.append(f"{indent}n{k} = qd.min(qd.max(b{k} + o{k}, 0), blocks{k} - 1)")
     lines = [
-        "def cells(position: Vectors, kind: Rows, cell: Rows, counts: Rows, fluid: Rows, count: qd.i32, cells: qd.i32,",
-        f"          {', '.join(parameters)}):",
+        "def cells(position: Vectors, kind: Rows, cell: Rows, block_of: Rows, counts: Rows, fluid: Rows,",
+        f"          count: qd.i32, cells: qd.i32, {', '.join(parameters)}):",
         *blocks,
         "    qd.loop_config(serialize=serial)",
         "    for c in range(2 * cells + 1):",
@@ -422,8 +422,9 @@ def _cell_kernel(d: int, periodic: tuple[bool, ...], serial: bool) -> Any:
         *index,
         *of_row,
         f"        cell[i] = {flat}",
+        f"        block_of[i] = {block}",
         f"        if kind[i] & {FLUID} != 0:",
-        f"            fluid[{block}] = 1",
+        "            fluid[block_of[i]] = 1",
         "    qd.loop_config(serialize=serial)",
         f"    for q in range({' * '.join(f'blocks{k}' for k in axes)}):",
         *[f"        b{k} = q // ({' * '.join(['1', *[f'blocks{m}' for m in range(k)]])}) % blocks{k}" for k in axes],
@@ -434,10 +435,7 @@ def _cell_kernel(d: int, periodic: tuple[bool, ...], serial: bool) -> Any:
         "    qd.loop_config(serialize=serial)",
         "    for i in range(count):",
         f"        if kind[i] & {FLUID} == 0:",
-        "            c = cell[i]",
-        *[f"            c{k} = c // ({' * '.join(['1', *[f'shape{m}' for m in range(k)]])}) % shape{k}" for k in axes],
-        *["    " + line for line in of_row],
-        f"            if fluid[cells + {block}] == 0:",
+        "            if fluid[cells + block_of[i]] == 0:",
         "                cell[i] += cells",
         "        counts[cell[i]] += 1",
     ]
@@ -507,6 +505,6 @@ def _scatter_kernel(serial: bool) -> Any:
         qd.loop_config(serialize=serial)
         for i in range(count):
             if order[i] != i:
-                changed[0] = 1
+                qd.atomic_max(changed[0], i + 1)
 
     return scatter

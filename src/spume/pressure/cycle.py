@@ -396,7 +396,7 @@ def solve_on_finest(symmetric: bool, entries: Entries) -> Any:
     Flag = qd.types.ndarray(dtype=i32, ndim=0)
     f, o, run = cycle_stages(symmetric, entries), outer_stages(symmetric, entries), run_function(symmetric)
 
-    @qd.kernel(graph=True)
+    @kernels.kernel(graph=True)
     def iterate_on_finest(
         level: Level, coarse: Coarse, table: Rows, operations: Rows, length: i32, diagonal: Reals, x: Reals,  # type: ignore[valid-type]
         r: Reals, p: Reals, q: Reals, image: Reals, partial: Reals, scalars: Reals, running: Flag, tolerance: real,  # type: ignore[valid-type]

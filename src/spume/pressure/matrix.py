@@ -19,7 +19,7 @@ from typing import Any
 
 from spume import kernels
 from spume.lattice import Lattice
-from spume.pairs import Pairs, Signature, load, minimum_image
+from spume.pairs import ROW_BITS, Pairs, Signature, load, minimum_image
 from spume.particles import ANY, Field, Particles
 from spume.pressure.entries import Entries, arrays, matrix_type
 from spume.schemes.laplacian.base import Laplacian, Terms
@@ -343,7 +343,7 @@ def _assembly_kernel(
         "                if total > 0:",
         "                    tied = 1",
         "                for k in range(length[i]):",
-        "                    j = neighbour[first + k]",
+        f"                    j = neighbour[first + k] & {ROW_BITS}",
         "                    r = position[j] - x",
         *[f"                    {line}" for line in minimum_image(periodic)],
         "                    rr = r.dot(r)",
