@@ -67,7 +67,8 @@ def own_distance(a, l0, flat, usual, power, least, largest):  # type: ignore[no-
 
 @pair_term(reads=("surface_distance", "surface_share"))
 def distance_of_neighbour(a, b, r, w):  # type: ignore[no-untyped-def]
-    return w * b.surface_share * b.surface_distance
+    # A row inside the fluid has no distance.
+    return qd.select(b.surface_share > 0.0, w * b.surface_share * b.surface_distance, 0.0)
 
 
 @pair_term(reads=("surface_share",))
