@@ -102,7 +102,7 @@ def system(scheme, cloud, slope=None, share=None):
     linear = LinearSystem()
     linear.assemble(scheme, *rows.handles)
     start, length = linear.start.to_numpy(), rows.particles.numpy("row_length")
-    column, value = linear.column.to_numpy(), linear.value.to_numpy()
+    column, value = linear.columns[0].to_numpy(), linear.values[0].to_numpy()
     matrix = np.diag(rows.particles.numpy("diagonal"))
     for i in range(n):
         slots = slice(start[i], start[i] + length[i])
