@@ -217,6 +217,7 @@ class Particles:
         full = kernels.host(array)
         full[: self.count] = values
         kernels.publish(array, full)
+        self.changed |= name == "kind"  # lists hold fluid neighbours first
         self.written(name)
 
     def insert(self, rows: Mapping[str, ArrayLike]) -> None:
