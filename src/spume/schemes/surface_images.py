@@ -7,7 +7,7 @@ from typing import Any
 from spume import kernels
 from spume.kernels import qd
 from spume.lattice import Lattice
-from spume.pairs import Pairs, pair_sum, pair_term, row_map, row_term
+from spume.pairs import Pairs, RowMap, pair_sum, pair_term, row_map, row_maps, row_term
 from spume.particles import FLUID, Field, Particles
 from spume.schemes.correction import squares, symmetric_matrix
 from spume.schemes.crowding import CROWDING, crowding_vector, half_lattice
@@ -161,11 +161,12 @@ def surface_images(operator: Operator, lattice: Lattice, particles: Particles, p
         where="surface_share",
     )  # fmt: skip
     flat, usual, growth = flat_surface(operator.weight, operator.re, lattice.dimension)
-    row_map(image_vector, particles, out="images", arguments=(0.5 * flat / l0,), where="surface_share")
-    row_map(
-        own_distance, particles, out="surface_distance", where="surface_share",
-        arguments=(l0, flat / l0, usual, 1.0 / growth, _LEAST, _LARGEST),
-    )  # fmt: skip
+    measures = (l0, flat / l0, usual, 1.0 / growth, _LEAST, _LARGEST)
+    maps = (
+        RowMap(image_vector, "images", arguments=(0.5 * flat / l0,), where="surface_share"),
+        RowMap(own_distance, "surface_distance", arguments=measures, where="surface_share"),
+    )
+    row_maps(maps, particles)
     pair_sum(
         (distance_of_neighbour, share_of_neighbour), particles, pairs, out=("distance_around", "share_around"),
         weight=operator.weight, re=radius, over=FLUID, where="surface_share",
