@@ -23,8 +23,8 @@ def images(cloud):
     """b_i = s_i = d/n0 sum_j W r/r^2, and delta_i: the mean over i and its neighbours of l0/2 (q/q of the lattice)^p.
 
     q = (b . M b + 0.05 of the flat surface)/(b . s + likewise), b of length one, M = d/n0 sum_j W r (x) r/r^2;
-    the power to second order in q/q - 1, p from how q grows with the stretch of a flat surface. Between l0/4 and 3 l0/4; the weights of the mean are theta W
-    of the neighbours and W(l0) of i.
+    the power to second order in q/q - 1, p from how q grows with the stretch of a flat surface. Between l0/4 and
+    3 l0/4; the weights of the mean are theta W of the neighbours and W(l0) of i.
     """
     lean, usual = flat(cloud)
     power = log(1.02 / 0.98) / log(flat(cloud, 1.02)[1] / flat(cloud, 0.98)[1])

@@ -158,8 +158,8 @@ def surface_images(operator: Operator, lattice: Lattice, particles: Particles, p
     """Write ``images`` b_i [1/m] and ``surface_distance`` delta_i [m] of the fluid rows on the surface, theta_i > 0.
 
     b_i = (s_i . n_i) n_i with s_i = d/n0 sum_j W r_ij/r^2 over every neighbour and n_i the direction inward: that of
-    s_i, and beside a wall the mean direction of the neighbours on the surface that have no wall beside them. A wall goes on
-    above the water, and its rows up there pull s_i towards it, whatever its slope.
+    s_i, and beside a wall the mean direction of the neighbours on the surface that have no wall beside them. A wall
+    goes on above the water, and its rows up there pull s_i towards it, whatever its slope.
 
     delta_i is l0/2 times the stretch of the arrangement along s_i, which (s . M s)/(s . f)/|s| tells, f the sum s and
     M = d/n0 sum_j W r (x) r/r^2 over the fluid; the mean over a row and its neighbours on the surface, between
