@@ -167,10 +167,10 @@ def surface_images(operator: Operator, lattice: Lattice, particles: Particles, p
     """Write ``images`` b_i [1/m] and ``surface_distance`` delta_i [m] of the fluid rows on the surface, theta_i > 0.
 
     b_i = (s_i . n_i) n_i with s_i = d/n0 sum_j W r_ij/r^2 over every neighbour and n_i the direction inward, that of
-    s_i but beside walls: a wall goes on above the water, and its rows up there pull s_i towards it. Where the fluid lies on
-    a wall's open side, n_i is the direction of s_i along the wall; where the neighbours on the surface that have no
-    wall beside them incline to the wall by more than 0.2 (their mean direction times the wall's normal), it is
-    theirs, entirely so from 0.5 on.
+    s_i but beside walls: a wall goes on above the water, and its rows up there pull s_i towards it. Where the fluid
+    lies on a wall's open side, n_i is the direction of s_i along the wall; where the neighbours on the surface that
+    have no wall beside them incline to the wall by more than 0.2 (their mean direction times the wall's normal), it
+    is theirs, entirely so from 0.5 on.
 
     delta_i is l0/2 times the stretch of the arrangement along n_i, which (n . M n)/(n . f) tells, f being the sum s
     and M = d/n0 sum_j W r (x) r/r^2 over the fluid; the mean over a row and its neighbours on the surface, between
