@@ -54,6 +54,7 @@ class Rows:
                 shape = (len(cloud), *field.value_shape(cloud.d))
                 values = np.asarray(given[name])[self.order] if name in given else np.full(shape, field.initial)
                 self.particles.set(name, values)
+        self.list_again()
         return self
 
     @property
@@ -63,6 +64,16 @@ class Rows:
     def put(self, **fields):
         for name, values in fields.items():
             self.particles.set(name, np.asarray(values)[self.order])
+        self.list_again()
+
+    def list_again(self):
+        """Make the lists anew where kinds have changed: fluid neighbours come first."""
+        kind = self.particles.numpy("kind")
+        if not np.array_equal(kind, self.__dict__.get("kind", np.full(len(kind), FLUID))):
+            self.particles.changed = True
+            self.pairs.update(self.particles)
+            assert np.array_equal(self.particles.numpy("id"), self.order)
+        self.kind = kind
 
     def get(self, name):
         values = self.particles.numpy(name)
@@ -102,7 +113,7 @@ def system(scheme, cloud, slope=None, share=None):
     linear = LinearSystem()
     linear.assemble(scheme, *rows.handles)
     start, length = linear.start.to_numpy(), rows.particles.numpy("row_length")
-    column, value = linear.column.to_numpy(), linear.value.to_numpy()
+    column, value = linear.columns[0].to_numpy(), linear.values[0].to_numpy()
     matrix = np.diag(rows.particles.numpy("diagonal"))
     for i in range(n):
         slots = slice(start[i], start[i] + length[i])

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import tracemalloc
 
 import pytest
 
@@ -107,3 +108,19 @@ def test_the_library_installs_no_log_handlers():
     code = "import logging, spume.run; print(logging.getLogger('spume').handlers, logging.getLogger().handlers)"
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert answer.stdout.strip() == "[] []"
+
+
+def test_calls_with_new_numbers_leave_nothing_behind(runtime):
+    """A run calls its kernels with new times and steps for ever."""
+    source = "def scaled(values: Reals, factor: real):\n    for i in range(4):\n        values[i] *= factor\n"
+    made = kernels.compiled("scaled", source, Reals=kernels.array_type(runtime.real), real=runtime.real)
+    values = kernels.array(runtime.real, 4)
+    numbers = [1.0 + 1e-3 * k for k in range(1200)]
+    for number in numbers[:20]:
+        made(values, number)
+    tracemalloc.start()
+    for number in numbers:
+        made(values, number)
+    left, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert left < 200_000

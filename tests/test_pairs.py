@@ -5,9 +5,10 @@ import pytest
 
 from arrangements import block, offsets, table, weights
 from spume import kernels
-from spume.pairs import PairView, pair_max, pair_min, pair_sum, pair_term, row_map, row_term
+from spume.pairs import PairSum, PairView, pair_max, pair_min, pair_sum, pair_sums, pair_term, row_map, row_term
 from spume.particles import DUMMY, FLUID, WALL
 from spume.schemes.weight.inverse import Inverse
+from spume.schemes.weight.quadratic import Quadratic
 
 W = Inverse()
 
@@ -81,6 +82,56 @@ def test_sums_of_several_terms_in_one_pass(every_runtime, d, periodic):
     assert particles.numpy("tensor")[fluid] == pytest.approx(tensor[fluid], **close(every_runtime))
     for name in outs:
         assert not particles.numpy(name)[~fluid].any(), "rows of other kinds keep their values"
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_sums_of_different_rows_weights_and_radii_in_one_pass(every_runtime, d):
+    particles, pairs, r, _ = filled(d)
+    kind, s = particles.numpy("kind"), particles.numpy("scalar")
+    asked = (
+        PairSum((plain,), ("answer",), W, 0.21, rows=FLUID | WALL),
+        PairSum((difference, flow), ("answer_2", "vector"), Quadratic(), 0.17, over=FLUID),
+        PairSum((square,), ("tensor",), W, 0.21, rows=WALL | DUMMY, over=WALL | DUMMY),
+    )
+    pair_sums(asked, particles, pairs)
+    w, v = weights(r, W, 0.21), weights(r, Quadratic(), 0.17) * ((kind & FLUID) != 0)
+    expected = {
+        "answer": w.sum(axis=1) * ((kind & (FLUID | WALL)) != 0),
+        "answer_2": (v * (s[None, :] - s[:, None])).sum(axis=1) * (kind == FLUID),
+        "tensor": np.einsum("ij,ijk,ijl->ikl", w * (kind != FLUID), r, r) * (kind != FLUID)[:, None, None],
+    }
+    for name, values in expected.items():
+        listed = kind != DUMMY  # dummy rows have no list
+        assert particles.numpy(name)[listed] == pytest.approx(values[listed], **close(every_runtime)), name
+
+
+def test_sums_are_kept_until_something_they_depend_on_changes(runtime):
+    particles, pairs, _, _ = filled(2)
+    first, second = PairSum((plain,), ("answer",), W, 0.21), PairSum((difference,), ("answer_2",), W, 0.21)
+
+    def made(*asked):
+        """How many passes it takes."""
+        before = particles.visits
+        pair_sums(asked, particles, pairs)
+        return particles.visits - before
+
+    assert made(first, second) == 1
+    assert made(second) == made(first) == made(first, second) == 0
+    assert made(PairSum((plain,), ("answer",), W, 0.2)) == made(first) == 1
+    particles.set("scalar", 2.0 * particles.numpy("scalar"))
+    assert made(first) == 0
+    assert made(first, second) == 1
+    particles.set("position", 1.01 * particles.numpy("position"))
+    assert made(second) == made(first) == 1
+
+
+def test_rows_that_a_field_leaves_out(runtime):
+    particles, pairs, _, w = filled(2)
+    chosen = (particles.numpy("scalar") > 0) & (particles.numpy("kind") == FLUID)
+    particles.set("answer", np.full(particles.count, -7.0))
+    pair_sum(plain, particles, pairs, out="answer", weight=W, re=0.21, where="scalar")
+    assert particles.numpy("answer")[chosen] == pytest.approx(w.sum(axis=1)[chosen], rel=1e-11)
+    assert np.all(particles.numpy("answer")[~chosen] == -7.0)
 
 
 @pytest.mark.parametrize("d", [2, 3])

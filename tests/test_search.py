@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from arrangements import block, offsets, table
 from spume.particles import DUMMY, FLUID, WALL
+from spume.ranges import CELLS_PER_REACH
 
 pytestmark = pytest.mark.usefixtures("runtime")
 
@@ -103,10 +104,24 @@ def test_rows_stand_in_cell_order_and_by_id_within_a_cell(d):
     position = rng.uniform(0, 1, (300, d))
     _, particles, _ = table(position)
     x = particles.numpy("position")
-    cell = np.floor((x - x.min(axis=0)) / reach).astype(int)
+    cell = np.floor((x - x.min(axis=0)) / (reach / np.array(CELLS_PER_REACH[:d]))).astype(int)
     key = [particles.numpy("id"), *[cell[:, k] for k in range(d)]]
     assert np.array_equal(np.lexsort(key), np.arange(300)), "x fastest, by id within a cell"
     assert np.array_equal(x, position[particles.numpy("id")]), "every field moves with its row"
+
+
+def test_fluid_neighbours_come_first():
+    rng = np.random.default_rng(4)
+    kind = rng.choice([FLUID, FLUID, FLUID, WALL, DUMMY], 200)
+    _, particles, pairs = table(rng.uniform(0, 2, (200, 2)), kind=kind)
+    found, kind = pairs.list, particles.numpy("kind")
+    start, length, fluid = (a.to_numpy() for a in (found.start, found.length, found.fluid))
+    neighbour = found.chunks[0].neighbour.to_numpy()
+    for row in range(particles.active):
+        kinds = kind[neighbour[start[row] : start[row] + length[row]]]
+        assert np.all(kinds[: fluid[row]] == FLUID), "fluid first"
+        assert not np.any(kinds[fluid[row] :] == FLUID), "then solid rows"
+    assert np.any((fluid > 0) & (fluid < length))
 
 
 def test_order_does_not_depend_on_the_order_before():

@@ -28,7 +28,6 @@ import quadrants as qd
 log = logging.getLogger("spume")
 
 func = qd.func
-kernel = qd.kernel
 static = qd.static
 sqrt = qd.sqrt
 i32, i64 = qd.i32, qd.i64
@@ -183,7 +182,7 @@ def worthwhile_threads(rows: int) -> int:
 
 def light(rows: int) -> bool:
     """Return whether a loop of few operations a row runs faster on one thread than through the thread pool."""
-    return runtime().serial or (runtime().device == "cpu" and rows < 120_000)
+    return runtime().serial or (runtime().device == "cpu" and rows < 40_000)
 
 
 def spread(parts: int) -> int:
@@ -320,7 +319,7 @@ def struct(**members: Any) -> Any:
 
 def compiled(name: str, source: str, **namespace: Any) -> Any:
     """Compile generated source text of one function into a kernel."""
-    return qd.kernel(_defined(name, source, namespace))
+    return kernel(_defined(name, source, namespace))
 
 
 def compiled_function(name: str, source: str, **namespace: Any) -> Any:
@@ -335,6 +334,31 @@ def _defined(name: str, source: str, namespace: dict[str, Any]) -> Any:
     scope = {"qd": qd, **namespace}
     exec(compile(source, file, "exec"), scope)
     return scope[name]
+
+
+def kernel(function: Callable[..., Any] | None = None, *, graph: bool = False) -> Any:
+    """Make a function a kernel; ``graph``: one with a loop over launches (``qd.graph.do_while``).
+
+    All types of a kernel's arguments stand in its annotations, and are looked at when it is called first. The language
+    looks at them in every call, and never forgets what it saw of each combination of argument objects: a step's new
+    numbers are such, and cost 0.1 MB a step.
+    """
+    if function is None:
+        return lambda function: kernel(function, graph=graph)
+    made = qd.kernel(function, graph=graph)
+    mapper = getattr(getattr(made, "_primal", None), "mapper", None)
+    if mapper is None:  # another version of the language: as it is
+        return made
+    lookup = mapper.lookup
+    found: list[Any] = []
+
+    def looked_up(*arguments: Any) -> Any:
+        if not found:
+            found.append(lookup(*arguments))
+        return found[0]
+
+    mapper.lookup = looked_up
+    return made
 
 
 def wait() -> None:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from spume import kernels
-from spume.particles import ANY, FLUID, Particles
+from spume.particles import ANY, DUMMY, FLUID, SOLID, WALL, Particles
 from spume.search import NeighbourList
 
 
@@ -84,6 +84,31 @@ class PairView:
     arguments: tuple[float, ...] = ()
 
 
+@dataclass(frozen=True)
+class PairSum:
+    """A sum over pairs that is yet to be made, with what `pair_sum` would be told; equal ones give equal values.
+
+    Attributes:
+        terms, out: the terms, and the field that receives each one's sum.
+        weight, re: weight function and effective radius [m].
+        rows, over: kinds of the rows that sum, and of the neighbours summed over.
+        arguments: numbers handed to every term.
+    """
+
+    terms: tuple[PairTerm, ...]
+    out: tuple[str, ...]
+    weight: Any
+    re: float
+    rows: int = FLUID
+    over: int = ANY
+    arguments: tuple[float, ...] = ()
+
+    @property
+    def made_of(self) -> tuple[str, ...]:
+        """Names of the fields that the sum depends on."""
+        return tuple(dict.fromkeys(("position", *(n for term in self.terms for n in term.reads))))
+
+
 def row_term(reads: Sequence[str] = ()) -> Callable[[Callable[..., Any]], RowTerm]:
     """Declare a formula ``term(a, *arguments)`` for single rows."""
     return lambda formula: RowTerm(kernels.func(formula), tuple(reads))
@@ -134,6 +159,7 @@ def pair_sum(
     arguments: Sequence[float] = (),
     fields: Mapping[str, str] | None = None,
     view: PairView | None = None,
+    where: str = "",
 ) -> None:
     """Sum terms over neighbours nearer than ``re`` and write one value per row.
 
@@ -147,8 +173,23 @@ def pair_sum(
         arguments: numbers handed to every term after ``w`` (they may change without recompiling).
         view: how a row sees a neighbour, if not as its fields say.
         fields: field that stands behind a name which a term reads (``{"value": "pressure"}``).
+        where: name of a scalar field; only rows where it is positive sum, the others keep what they have.
     """
-    _reduce("sum", terms, particles, pairs, out, weight, re, rows, over, arguments, fields, view)
+    sums = (_asked(terms, out, weight, re, rows, over, arguments),)
+    _reduce("sum", sums, particles, pairs, fields, view, where)
+
+
+def pair_sums(sums: Sequence[PairSum], particles: Particles, pairs: Pairs) -> None:
+    """Make several sums in one pass over the list, without those that their fields hold already.
+
+    A sum is kept as long as nobody writes its field, the positions, or a field that its terms read.
+    """
+    missing = [s for s in sums if not all(particles.keeps(n, (s,), s.made_of) for n in s.out)]
+    if missing:
+        _reduce("sum", tuple(missing), particles, pairs, None, None)
+    for s in missing:
+        for n in s.out:
+            particles.keep(n, (s,), s.made_of)
 
 
 def pair_min(
@@ -166,7 +207,8 @@ def pair_min(
     view: PairView | None = None,
 ) -> None:
     """Write for each row the smallest scalar term over its neighbours (+inf without any); see ``pair_sum``."""
-    _reduce("min", terms, particles, pairs, out, weight, re, rows, over, arguments, fields, view)
+    sums = (_asked(terms, out, weight, re, rows, over, arguments),)
+    _reduce("min", sums, particles, pairs, fields, view)
 
 
 def pair_max(
@@ -184,7 +226,8 @@ def pair_max(
     view: PairView | None = None,
 ) -> None:
     """Write for each row the largest scalar term over its neighbours (-inf without any); see ``pair_sum``."""
-    _reduce("max", terms, particles, pairs, out, weight, re, rows, over, arguments, fields, view)
+    sums = (_asked(terms, out, weight, re, rows, over, arguments),)
+    _reduce("max", sums, particles, pairs, fields, view)
 
 
 def row_map(
@@ -196,20 +239,27 @@ def row_map(
     arguments: Sequence[float] = (),
     fields: Mapping[str, str] | None = None,
     dry: bool = False,
+    where: str = "",
 ) -> None:
-    """Write one term per row of the given kinds; ``arguments`` follow ``a``, ``fields`` as in ``pair_sum``.
+    """Write one term per row of the given kinds; ``arguments`` follow ``a``, the rest as in ``pair_sum``.
 
     Solid rows that no fluid is near are left out, unless ``dry`` asks for them.
     """
     count = particles.count if dry else particles.active
     behind = fields or {}
     signature = _signature(particles, (*term.reads, out), behind)
-    kernel = _row_kernel(term, out, rows, signature, len(arguments), kernels.light(count))
-    inputs = [particles[behind.get(n, n)] for n in term.reads]
+    kernel = _row_kernel(term, out, rows, signature, len(arguments), kernels.light(count), bool(where))
+    inputs = [*([particles[where]] if where else []), *[particles[behind.get(n, n)] for n in term.reads]]
     kernel(particles["kind"], *inputs, particles[out], count, *arguments)
     particles.written(out)
     particles.traffic += count * particles.row_bytes(("kind", *(behind.get(n, n) for n in term.reads), out))
 
+
+ROW_BITS = 0x1FFFFFFF
+"""Mask of row numbers, which changes none: it tells the compiler that three times one, and two, is an integer still.
+
+All components of a neighbour's vector are then loaded from one address.
+"""
 
 Signature = tuple[tuple[str, tuple[int, ...], bool], ...]
 
@@ -219,40 +269,60 @@ def _signature(particles: Particles, names: Sequence[str], behind: Mapping[str, 
     return tuple((n, fields[n].value_shape(particles.dimension), fields[n].dtype is int) for n in names)
 
 
-def _reduce(
-    operation: str,
-    terms: PairTerm | Sequence[PairTerm],
-    particles: Particles,
-    pairs: Pairs,
-    out: str | Sequence[str],
-    weight: Any,
-    re: float,
-    rows: int,
-    over: int,
+def _asked(
+    terms: PairTerm | Sequence[PairTerm], out: str | Sequence[str], weight: Any, re: float, rows: int, over: int,
     arguments: Sequence[float],
-    fields: Mapping[str, str] | None,
-    view: PairView | None,
-) -> None:
+) -> PairSum:  # fmt: skip
     terms = (terms,) if isinstance(terms, PairTerm) else tuple(terms)
     outs = (out,) if isinstance(out, str) else tuple(out)
     if len(terms) != len(outs):
         raise ValueError(f"{len(terms)} terms, but {len(outs)} fields to write: {outs}")
+    return PairSum(terms, outs, weight, re, rows, over, tuple(arguments))
+
+
+@dataclass(frozen=True)
+class _Part:
+    """One sum of a pass as its kernel is compiled: whatever may change without recompiling is left out."""
+
+    terms: tuple[PairTerm, ...]
+    outs: tuple[str, ...]
+    weight: Any
+    radius: int
+    rows: int
+    over: int
+    n_arguments: int
+
+
+def _reduce(
+    operation: str,
+    sums: Sequence[PairSum],
+    particles: Particles,
+    pairs: Pairs,
+    fields: Mapping[str, str] | None,
+    view: PairView | None,
+    where: str = "",
+) -> None:
+    outs = [n for s in sums for n in s.out]
     seen = view.reads if view else ()
-    reads = tuple(dict.fromkeys([*(n for t in terms for n in t.reads), *seen]))
+    reads = tuple(dict.fromkeys([*(n for s in sums for t in s.terms for n in t.reads), *seen]))
     behind = fields or {}
     signature = _signature(particles, (*reads, *outs), behind)
+    radii = tuple(dict.fromkeys(s.re for s in sums))
+    parts = tuple(
+        _Part(s.terms, s.out, s.weight.function(), radii.index(s.re), s.rows, s.over, len(s.arguments)) for s in sums
+    )
     list_ = pairs.list
     kernel = _pair_kernel(
-        operation, terms, outs, signature, weight.function(), rows, over,
-        particles.dimension, pairs.periodic, len(arguments), view.formula if view else None, reads,
-        view.value if view else "", len(view.arguments) if view else 0,
-        over != ANY or view is not None or re < 0.75 * list_.radius,
+        operation, parts, signature, particles.dimension, pairs.periodic, view.formula if view else None, reads,
+        view.value if view else "", len(view.arguments) if view else 0, max(radii) < 0.75 * list_.radius, bool(where),
     )  # fmt: skip
     for chunk in list_.chunks:
         kernel(
-            particles["position"], particles["kind"], list_.start, list_.length, chunk.neighbour,
+            particles["position"], particles["kind"], list_.start, list_.length, list_.fluid, chunk.neighbour,
+            *([particles[where]] if where else []),
             *[particles[behind.get(n, n)] for n in reads], *[particles[n] for n in outs],
-            chunk.begin, chunk.end, re, *list_.period, *arguments, *(view.arguments if view else ()),
+            chunk.begin, chunk.end, *radii, *list_.period, *[a for s in sums for a in s.arguments],
+            *(view.arguments if view else ()),
         )  # fmt: skip
     particles.written(*outs)
     touched = ("position", "kind", *(behind.get(n, n) for n in reads), *outs)
@@ -277,104 +347,135 @@ def minimum_image(periodic: Sequence[bool]) -> list[str]:
 @kernels.cached
 def _pair_kernel(
     operation: str,
-    terms: tuple[PairTerm, ...],
-    outs: tuple[str, ...],
+    parts: tuple[_Part, ...],
     signature: Signature,
-    weight: Any,
-    rows: int,
-    over: int,
     d: int,
     periodic: tuple[bool, ...],
-    n_arguments: int,
     view: Callable[..., Any] | None,
     reads: tuple[str, ...],
     viewed: str,
     n_view_arguments: int,
     selective: bool,
+    where: bool,
 ) -> Any:
-    """Generate the loop over rows and neighbours for a set of terms; ``selective`` if it leaves out many pairs."""
+    """Generate the loop over rows and neighbours; ``selective`` if the radii leave out many pairs."""
     Row, loading = load(signature, reads)
     types = {n: kernels.value_type(shape, integer) for n, shape, integer in signature}
-    arguments = [f"argument{k}" for k in range(n_arguments)]
+    real = kernels.runtime().real
     scope: dict[str, Any] = {
-        "Row": Row, "weight": weight, "real": kernels.runtime().real, "serial": kernels.runtime().serial,
+        "Row": Row, "real": real, "serial": kernels.runtime().serial, "view": view,
         "Vectors": kernels.array_type(kernels.vector(d)), "Starts": kernels.array_type(kernels.i64),
-        "Rows": kernels.array_type(kernels.i32),
+        "Rows": kernels.array_type(kernels.i32), "Reals": kernels.array_type(real),
+        "infinity": float(np.finfo(kernels.runtime().dtype).max),
     }  # fmt: skip
-    parameters = ["position: Vectors", "kind: Rows", "start: Starts", "length: Rows", "neighbour: Rows"]
+    parameters = ["position: Vectors", "kind: Rows", "start: Starts", "length: Rows", "fluid: Rows", "neighbour: Rows"]
+    parameters += ["where: Reals"] * where
     for n in reads:
         scope[f"In_{n}"] = kernels.array_type(types[n])
         parameters.append(f"in_{n}: In_{n}")
-    for n in outs:
+    for n in (n for part in parts for n in part.outs):
         scope[f"Out_{n}"] = kernels.array_type(types[n])
         parameters.append(f"out_{n}: Out_{n}")
-    parameters += ["begin: qd.i32", "end: qd.i32", "re: real"]
-    parameters += [f"period{k}: real" for k in range(d)] + [f"{a}: real" for a in arguments]
-    more = "".join(f", {a}" for a in arguments)
+    parameters += ["begin: qd.i32", "end: qd.i32"]
+    parameters += [f"re{k}: real" for k in range(1 + max(part.radius for part in parts))]
+    parameters += [f"period{k}: real" for k in range(d)]
+    parameters += [f"argument{p}_{k}: real" for p, part in enumerate(parts) for k in range(part.n_arguments)]
     view_arguments = [f"view_argument{k}" for k in range(n_view_arguments)]
     parameters += [f"{a}: real" for a in view_arguments]
-    seeing = [f"b.{viewed} = view(a, b, r{''.join(', ' + a for a in view_arguments)})"] if view else []
-    scope["view"] = view
 
-    begin, combine, skipped, end = [], [], [], []
-    for k, (term, out) in enumerate(zip(terms, outs, strict=True)):
-        scope[f"term{k}"], scope[f"finish{k}"] = term.formula, term.finish
-        zero = types[out]
-        scope[f"Value{k}"] = zero
-        shape = next(s for n, s, _ in signature if n == out)
-        if operation == "sum":
+    none = {"sum": "0", "min": "qd.cast(infinity, real)", "max": "qd.cast(-infinity, real)"}[operation]
+    begin: list[list[str]] = [[] for _ in parts]
+    value: list[list[tuple[str, str]]] = [[] for _ in parts]
+    end: list[list[str]] = [[] for _ in parts]
+    for p, part in enumerate(parts):
+        scope[f"weight{p}"] = part.weight
+        more = "".join(f", argument{p}_{k}" for k in range(part.n_arguments))
+        for k, (term, out) in enumerate(zip(part.terms, part.outs, strict=True)):
+            s = f"s{p}_{k}"
+            scope[f"term{p}_{k}"], scope[f"finish{p}_{k}"], scope[f"Value{p}_{k}"] = (
+                term.formula,
+                term.finish,
+                types[out],
+            )
+            shape = next(shape for n, shape, _ in signature if n == out)
             # A scalar cast makes the accumulator's type that of the field, whatever the term returns.
-            begin.append(f"s{k} = qd.cast(0, real)" if shape == () else f"s{k} = Value{k}(0.0)")
-            combine.append(f"s{k} += term{k}(a, b, r, w{more})")
-            skipped.append(f"s{k} += qd.select(near, term{k}(a, b, r, w{more}), 0)")
+            zero = "qd.cast(0, real)" if shape == () else f"Value{p}_{k}(0.0)"
+            begin[p].append(f"{s} = {zero if operation == 'sum' else none}")
+            value[p].append((s, f"term{p}_{k}(a, b, r, w{p}{more})"))
+            end[p].append(f"out_{out}[i] = {s if term.finish is None else f'finish{p}_{k}(a, {s}{more})'}")
+
+    def added(s: str, new: str) -> str:
+        return f"{s} += {new}" if operation == "sum" else f"{s} = qd.{operation}({s}, {new})"
+
+    def walk(chosen: list[int], slots: str, kinds: int) -> list[str]:
+        """Return the loop of some sums over a part of a row's neighbours that are known to be of some kinds."""
+        chosen = [p for p in chosen if parts[p].over & kinds]
+        if not chosen:
+            return []
+        asked = {p: f"(kind[j] & {parts[p].over} != 0)" if kinds & ~parts[p].over else "" for p in chosen}
+        neighbour = f"b = {loading.format(row='j')}"
+        if kinds == FLUID:
+            # Once that is said, what serves walls is not even read.
+            neighbour = neighbour.replace("kind=in_kind[j]", f"kind={FLUID}")
+        seeing = [f"b.{viewed} = view(a, b, r{''.join(', ' + a for a in view_arguments)})"] if view else []
+        prepare = [neighbour, *seeing, *[f"w{p} = weight{p}(qd.sqrt(rr), re{parts[p].radius})" for p in chosen]]
+        lines = ["r = position[j] - x", *minimum_image(periodic), "rr = r.dot(r)"]
+        first = chosen[0]
+        if len(chosen) == 1 and (selective or asked[first]):
+            lines += [f"if rr < re{parts[first].radius} * re{parts[first].radius}:"]
+            lines += [f"    {line}" for line in (*prepare, *[added(s, new) for s, new in value[first]])]
+            if asked[first]:
+                lines = [f"if {asked[first]}:", *[f"    {line}" for line in lines]]
         else:
-            begin.append(f"s{k} = qd.cast({'' if operation == 'min' else '-'}infinity, real)")
-            combine.append(f"s{k} = qd.{operation}(s{k}, term{k}(a, b, r, w{more}))")
-            none = f"qd.cast({'' if operation == 'min' else '-'}infinity, real)"
-            skipped.append(f"s{k} = qd.{operation}(s{k}, qd.select(near, term{k}(a, b, r, w{more}), {none}))")
-        value = f"s{k}" if term.finish is None else f"finish{k}(a, s{k}{more})"
-        end.append(f"out_{out}[i] = {value}")
-    scope["infinity"] = float(np.finfo(kernels.runtime().dtype).max)
-    evaluate = [f"b = {loading.format(row='j')}", *seeing, "w = weight(qd.sqrt(rr), re)"]
-    distance = ["r = position[j] - x", *minimum_image(periodic), "rr = r.dot(r)"]
-    if selective:
-        body = [
-            f"if kind[j] & {over} != 0:",
-            *[f"    {line}" for line in distance],
-            "    if rr < re * re:",
-            *[f"        {line}" for line in (*evaluate, *combine)],
-        ]
-    else:
-        # Nearly every pair counts. Without a branch the loop becomes vector instructions, up to 1.5 times as fast.
-        body = [*distance, "near = rr < re * re", *evaluate, *skipped]
-    lines = [
-        f"def pair_{operation}({', '.join(parameters)}):",
-        "    qd.loop_config(serialize=serial)",
-        "    for i in range(begin, end):",
-        f"        if kind[i] & {rows} != 0:",
-        f"            a = {loading.format(row='i')}",
-        *[f"            {line}" for line in begin],
-        "            first = start[i]",
-        "            x = position[i]",
-        "            for k in range(length[i]):",
-        "                j = neighbour[first + k]",
-        *[f"                {line}" for line in body],
-        *[f"            {line}" for line in end],
-    ]
+            # Nearly every pair counts: without a branch the loop becomes vector instructions.
+            lines += prepare
+            for p in chosen:
+                near = f"rr < re{parts[p].radius} * re{parts[p].radius}"
+                lines.append(f"near{p} = {f'({near}) & {asked[p]}' if asked[p] else near}")
+                lines += [added(s, f"qd.select(near{p}, {new}, {none})") for s, new in value[p]]
+        looping = [f"for k in range({slots}):", f"    j = neighbour[first + k] & {ROW_BITS}"]
+        return looping + [f"    {line}" for line in lines]
+
+    lines = [f"def pair_{operation}({', '.join(parameters)}):", "    qd.loop_config(serialize=serial)"]
+    lines += ["    for i in range(begin, end):"]
+    for kinds, chosen in _by_kind(parts):
+        body = [f"a = {loading.format(row='i')}", *[line for p in chosen for line in begin[p]]]
+        body += ["first = start[i]", "x = position[i]"]
+        if view or "kind" in reads or any(parts[p].over != ANY for p in chosen):
+            body += walk(chosen, "fluid[i]", FLUID) + walk(chosen, "fluid[i], length[i]", SOLID)
+        else:
+            body += walk(chosen, "length[i]", ANY)
+        body += [line for p in chosen for line in end[p]]
+        if where:
+            body = ["if where[i] > 0:", *[f"    {line}" for line in body]]
+        lines += [f"        if kind[i] & {kinds} != 0:", *[f"            {line}" for line in body]]
     return kernels.compiled(f"pair_{operation}", "\n".join(lines) + "\n", **scope)
 
 
+def _by_kind(parts: Sequence[_Part]) -> list[tuple[int, list[int]]]:
+    """Return kinds of rows, and which parts of a pass they sum."""
+    found: dict[tuple[int, ...], int] = {}
+    for kind in (FLUID, WALL, DUMMY):
+        chosen = tuple(p for p, part in enumerate(parts) if part.rows & kind)
+        if chosen:
+            found[chosen] = found.get(chosen, 0) | kind
+    return [(kinds, list(chosen)) for chosen, kinds in found.items()]
+
+
 @kernels.cached
-def _row_kernel(term: RowTerm, out: str, rows: int, signature: Signature, n_arguments: int, serial: bool) -> Any:
+def _row_kernel(
+    term: RowTerm, out: str, rows: int, signature: Signature, n_arguments: int, serial: bool, where: bool
+) -> Any:
     """Generate the loop over rows for a row term."""
     Row, loading = load(signature, term.reads)
     types = {n: kernels.value_type(shape, integer) for n, shape, integer in signature}
     arguments = [f"argument{k}" for k in range(n_arguments)]
     scope: dict[str, Any] = {
         "Row": Row, "term": term.formula, "real": kernels.runtime().real, "serial": serial,
-        "Rows": kernels.array_type(kernels.i32), "Out": kernels.array_type(types[out]),
+        "Rows": kernels.array_type(kernels.i32), "Reals": kernels.array_type(kernels.runtime().real),
+        "Out": kernels.array_type(types[out]),
     }  # fmt: skip
-    parameters = ["kind: Rows"]
+    parameters = ["kind: Rows", *["where: Reals"] * where]
     for n in term.reads:
         scope[f"In_{n}"] = kernels.array_type(types[n])
         parameters.append(f"in_{n}: In_{n}")
@@ -383,7 +484,7 @@ def _row_kernel(term: RowTerm, out: str, rows: int, signature: Signature, n_argu
         f"def row_map({', '.join(parameters)}):",
         "    qd.loop_config(serialize=serial)",
         "    for i in range(count):",
-        f"        if kind[i] & {rows} != 0:",
+        f"        if kind[i] & {rows} != 0{' and where[i] > 0' if where else ''}:",
         f"            a = {loading.format(row='i')}",
         f"            out[i] = term(a{''.join(', ' + a for a in arguments)})",
     ]

@@ -24,7 +24,8 @@ class Field:
     Attributes:
         name: the field's name, as in ``docs/notation.md``.
         shape: () for a scalar, ("d",) for a vector, ("d", "d") for a tensor, or integers; "basis" stands for the
-            d (d + 3)/2 monomials of first and second degree.
+            d (d + 3)/2 monomials of first and second degree, "symmetric" for the d (d + 1)/2 components of a
+            symmetric tensor.
         unit: SI unit.
         doc: one sentence.
         dtype: float or int.
@@ -49,12 +50,15 @@ class Field:
 
     def value_shape(self, d: int) -> tuple[int, ...]:
         """Return the shape of one row's value in d dimensions."""
-        lengths = {"d": d, "basis": d * (d + 3) // 2}
+        lengths = {"d": d, "basis": d * (d + 3) // 2, "symmetric": d * (d + 1) // 2}
         return tuple(lengths[s] if isinstance(s, str) else s for s in self.shape)
 
 
 _REDUCTION_BLOCKS = 128
 """Sums and maxima are made of this many partial ones, whatever the number of threads."""
+
+_BRINGING_BACK = 0.6
+"""Part of the rows up to which it is cheaper to bring the moved ones back than to move all."""
 
 BASE_FIELDS = (
     Field("position", ("d",), "m", "position of the particle's centre", output=True, restart=True),
@@ -213,6 +217,7 @@ class Particles:
         full = kernels.host(array)
         full[: self.count] = values
         kernels.publish(array, full)
+        self.changed |= name == "kind"  # lists hold fluid neighbours first
         self.written(name)
 
     def insert(self, rows: Mapping[str, ArrayLike]) -> None:
@@ -290,8 +295,17 @@ class Particles:
         """Number of the next row that is inserted without one."""
         return self._next_id
 
-    def reorder(self, order: Any) -> None:
-        """Gather every restart field by ``order`` (device array of row numbers, int32)."""
+    def reorder(self, order: Any, last: int | None = None) -> None:
+        """Gather every restart field by ``order`` (device array of row numbers, int32).
+
+        Args:
+            order: which row comes to each place.
+            last: number of the rows from the first on that may change places; default: all.
+        """
+        last = self.count if last is None else last
+        # Dry rows at the end stay where they are: the others are brought back, so that those need not be moved.
+        back = last < _BRINGING_BACK * self.count
+        count = last if back else self.count
         for name, field in self.fields.items():
             if field.restart:
                 kind = (field.value_shape(self.dimension), field.dtype is int)
@@ -299,10 +313,10 @@ class Particles:
                 if spare is None:
                     spare = kernels.array(self._type(field), self.capacity)
                 source = self._arrays[name]
-                _gather_kernel(*kind, kernels.light(self.count))(source, order, spare, self.count)
-                self._arrays[name] = spare
-                self._spares[kind] = source
-                self.traffic += self.count * (4 + 2 * self.row_bytes([name]))
+                _gather_kernel(*kind, kernels.light(count), back)(source, order, spare, count)
+                if not back:
+                    self._arrays[name], self._spares[kind] = spare, source
+                self.traffic += count * (4 + (4 if back else 2) * self.row_bytes([name]))
         self._row_of_id_valid = False
         self.written()
 
@@ -335,7 +349,7 @@ class Particles:
         """Return the largest length of a vector field over active rows of some kinds, NaN if one is not a number."""
         if self._partial is None:
             self._partial = kernels.array(kernels.runtime().real, _REDUCTION_BLOCKS)
-        _largest_kernel(self.fields[name].value_shape(self.dimension)[0])(
+        _largest_kernel(self.fields[name].value_shape(self.dimension)[0], kernels.light(self.active))(
             self[name], self["kind"], self._partial, rows, self.active
         )
         largest = np.max(kernels.host(self._partial))
@@ -345,7 +359,9 @@ class Particles:
         """Return the sum of a scalar field over active rows of some kinds; its order does not depend on threads."""
         if self._partial is None:
             self._partial = kernels.array(kernels.runtime().real, _REDUCTION_BLOCKS)
-        _total_kernel(self.fields[name].dtype is int)(self[name], self["kind"], self._partial, rows, self.active)
+        _total_kernel(self.fields[name].dtype is int, kernels.light(self.active))(
+            self[name], self["kind"], self._partial, rows, self.active
+        )
         return float(np.sum(kernels.host(self._partial)))
 
     def smallest(self, name: str, rows: int = ANY) -> float:
@@ -359,7 +375,7 @@ class Particles:
     def _extreme(self, name: str, rows: int, largest: bool) -> float:
         if self._partial is None:
             self._partial = kernels.array(kernels.runtime().real, _REDUCTION_BLOCKS)
-        _extreme_kernel(largest)(self[name], self["kind"], self._partial, rows, self.active)
+        _extreme_kernel(largest, kernels.light(self.active))(self[name], self["kind"], self._partial, rows, self.active)
         found = kernels.host(self._partial)
         value = float(found.max() if largest else found.min())
         return value if abs(value) < np.finfo(kernels.runtime().dtype).max else 0.0
@@ -406,7 +422,7 @@ def _part_kernel(signature: tuple[tuple[str, tuple[int, ...], bool], ...], initi
 
 
 @kernels.cached
-def _gather_kernel(shape: tuple[int, ...], integer: bool, serial: bool) -> Any:
+def _gather_kernel(shape: tuple[int, ...], integer: bool, serial: bool, back: bool) -> Any:
     Values = kernels.array_type(kernels.value_type(shape, integer))
     Rows = kernels.array_type(kernels.i32)
     qd = kernels.qd
@@ -416,6 +432,10 @@ def _gather_kernel(shape: tuple[int, ...], integer: bool, serial: bool) -> Any:
         qd.loop_config(serialize=serial)
         for i in range(count):
             target[i] = source[order[i]]
+        if kernels.static(back):
+            qd.loop_config(serialize=serial)
+            for i in range(count):
+                source[i] = target[i]
 
     return gather
 
@@ -435,11 +455,11 @@ def _invert_kernel(serial: bool) -> Any:
 
 
 @kernels.cached
-def _largest_kernel(d: int) -> Any:
+def _largest_kernel(d: int, serial: bool) -> Any:
     real = kernels.runtime().real
     Vectors, Rows, Reals = (kernels.array_type(t) for t in (kernels.vector(d), kernels.i32, real))
-    serial, qd, blocks = kernels.runtime().serial, kernels.qd, _REDUCTION_BLOCKS
-    spread = kernels.spread(blocks)
+    qd, blocks = kernels.qd, _REDUCTION_BLOCKS
+    spread = 1 if serial else kernels.spread(blocks)
     huge = float(np.finfo(kernels.runtime().dtype).max)
 
     @kernels.kernel
@@ -465,11 +485,11 @@ def _largest_kernel(d: int) -> Any:
 
 
 @kernels.cached
-def _total_kernel(integer: bool) -> Any:
+def _total_kernel(integer: bool, serial: bool) -> Any:
     real = kernels.runtime().real
     Values, Rows, Reals = (kernels.array_type(t) for t in (kernels.i32 if integer else real, kernels.i32, real))
-    serial, qd, blocks = kernels.runtime().serial, kernels.qd, _REDUCTION_BLOCKS
-    spread = kernels.spread(blocks)
+    qd, blocks = kernels.qd, _REDUCTION_BLOCKS
+    spread = 1 if serial else kernels.spread(blocks)
 
     @kernels.kernel
     def total(field: Values, kind: Rows, partial: Reals, kinds: kernels.i32, count: kernels.i32):
@@ -490,11 +510,11 @@ def _total_kernel(integer: bool) -> Any:
 
 
 @kernels.cached
-def _extreme_kernel(largest: bool) -> Any:
+def _extreme_kernel(largest: bool, serial: bool) -> Any:
     real = kernels.runtime().real
     Values, Rows = (kernels.array_type(t) for t in (real, kernels.i32))
-    serial, qd, blocks = kernels.runtime().serial, kernels.qd, _REDUCTION_BLOCKS
-    spread = kernels.spread(blocks)
+    qd, blocks = kernels.qd, _REDUCTION_BLOCKS
+    spread = 1 if serial else kernels.spread(blocks)
     huge = float(np.finfo(kernels.runtime().dtype).max) * (-1.0 if largest else 1.0)
 
     @kernels.kernel

@@ -1,8 +1,8 @@
 """Neighbour search: rows sorted by cell, then a list of near rows for each fluid and wall row.
 
 A counting sort brings the rows into cell order (x fastest; within a cell by id, so that the order
-does not depend on threads). Three neighbouring cells along x are then one contiguous range of rows,
-and the search walks 3 (2D) or 9 (3D) such ranges per row. Lists are written in one pass: a block of
+does not depend on threads). Neighbouring cells along x are then one contiguous range of rows, and the
+search walks 3 (2D) or 9 (3D) such ranges per row (``ranges.py``). Lists are written in one pass: a block of
 rows shares a stretch of storage, inside which its lists are packed; the stretch grows when it overflows.
 Blocks lie in as many arrays as they need (``chunks.py``).
 
@@ -19,13 +19,8 @@ from numpy.typing import NDArray
 
 from spume import chunks, kernels
 from spume.lattice import regular_neighbours
-from spume.particles import FLUID, WALL, Particles
-
-LISTED = FLUID | WALL
-"""Kinds of rows that own a list; dummy rows appear only as neighbours."""
-
-_CELLS_PER_REACH = 1
-"""Cells are this many times smaller than the search radius: fewer distance tests, more ranges to walk."""
+from spume.particles import FLUID, Particles
+from spume.ranges import CELLS_PER_REACH, list_kernel
 
 _WET_REACHES = 2
 """A solid row is dry, and takes no part, if no fluid lies within this many search radii of it, counted in cells.
@@ -52,6 +47,7 @@ class NeighbourList:
     Attributes:
         start: first slot of each row's list in its chunk (int64).
         length: number of neighbours of each row (int32).
+        fluid: how many of a row's neighbours are fluid: those come first in its list.
         chunks: the rows as they were cut at the last build, with their neighbours.
         builds: how many times the list was built.
         current_skin: skin of the present list [m]: ``skin`` in calm flow, 0 where rows move too fast for it.
@@ -173,7 +169,8 @@ class NeighbourList:
             self._storage.slots_per_block = slots
             self._cut(particles.active)
         if self.skin > 0:
-            _copy_kernel(particles.dimension)(particles["position"], self._built, particles.count)
+            kernel = _copy_kernel(particles.dimension, kernels.light(particles.count))
+            kernel(particles["position"], self._built, particles.count)
         particles.changed = False
         # Positions and kinds are read, starts, lengths and the neighbours themselves written.
         particles.traffic += particles.count * (12 + particles.row_bytes(("position", "kind")))
@@ -190,7 +187,7 @@ class NeighbourList:
 
     def bytes(self) -> int:
         """Return the memory of the list [bytes]."""
-        return 12 * self._capacity + 4 * self._storage.slots
+        return 16 * self._capacity + 4 * self._storage.slots
 
     def _reserve(self, particles: Particles) -> None:
         if self._capacity == particles.capacity:
@@ -198,6 +195,7 @@ class NeighbourList:
         self._capacity = particles.capacity
         self.start = kernels.array(kernels.i64, self._capacity)
         self.length = kernels.array(kernels.i32, self._capacity)
+        self.fluid = kernels.array(kernels.i32, self._capacity)
         self._cell = kernels.array(kernels.i32, self._capacity)
         self._order = kernels.array(kernels.i32, self._capacity)
         self._built = kernels.array(kernels.vector(particles.dimension), self._capacity)
@@ -211,13 +209,13 @@ class NeighbourList:
 
     def _wrap_and_bound(self, particles: Particles) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         d = particles.dimension
-        kernel = _wrap_and_bound_kernel(d, self.periodic)
+        kernel = _wrap_and_bound_kernel(d, self.periodic, kernels.light(particles.count))
         kernel(particles["position"], self._partial, particles.count, *map(float, self.lower), *self.period)
         partial = kernels.host(self._partial)
         return partial[:_REDUCTION_BLOCKS].min(axis=0), partial[_REDUCTION_BLOCKS:].max(axis=0)
 
     def _largest_displacement_squared(self, particles: Particles) -> float:
-        kernel = _displacement_kernel(particles.dimension)
+        kernel = _displacement_kernel(particles.dimension, kernels.light(particles.count))
         kernel(particles["position"], self._built, self._partial, particles.count)
         return float(kernels.host(self._partial)[:_REDUCTION_BLOCKS, 0].max())
 
@@ -234,14 +232,13 @@ class NeighbourList:
             self._home = low - 0.5 * extent, high + 0.5 * extent
         low, high = np.maximum(low, self._home[0]), np.minimum(high, self._home[1])
         low, high = np.minimum(low, high), np.maximum(low, high)
-        reach = (self.radius + self.current_skin) / _CELLS_PER_REACH
         joined = np.array(self.periodic)
         low = np.where(joined, self.lower, low)
         extent = np.where(joined, self.upper - self.lower, high - low)
-        size = np.full(len(low), reach)
+        size = (self.radius + self.current_skin) / np.array(CELLS_PER_REACH[: len(low)])
         while True:
             shape = np.where(joined, np.floor(extent / size), np.floor(extent / size) + 1).astype(np.int64)
-            shape = np.maximum(shape, np.where(joined, 2 * _CELLS_PER_REACH + 1, 1))
+            shape = np.maximum(shape, np.where(joined, 3, 1))
             if shape.prod() <= min(max(4 * count, 1 << 16), kernels.LONGEST_ARRAY // 4 - 1):
                 break
             size = size * 1.5
@@ -263,15 +260,15 @@ class NeighbourList:
             self._sums = kernels.array(kernels.i32, _SCAN_BLOCKS)
         light = kernels.light(count)
         _cell_kernel(d, self.periodic, light)(
-            particles["position"], particles["kind"], self._cell, self._cursor, self._near, count, cells,
+            particles["position"], particles["kind"], self._cell, self._order, self._cursor, self._near, count, cells,
             *map(float, origin), *map(float, size), *[int(s) for s in shape],
         )  # fmt: skip
         _scan_kernel(light)(self._cursor, self._cell_start, self._sums, 2 * cells + 1)
         _scatter_kernel(light)(
             self._cell, self._cell_start, self._cursor, self._order, particles["id"], self._flag, count, 2 * cells
         )
-        if kernels.host(self._flag)[0]:
-            particles.reorder(self._order)
+        if last := int(kernels.host(self._flag)[0]):
+            particles.reorder(self._order, last)
         particles.part(int(kernels.host(self._cell_start)[cells]))
 
     def _fill(
@@ -281,19 +278,19 @@ class NeighbourList:
         size: NDArray[np.float64],
         shape: NDArray[np.int64],
     ) -> bool:
-        kernel, storage = _list_kernel(particles.dimension, self.periodic), self._storage
+        kernel, storage = list_kernel(particles.dimension, self.periodic), self._storage
         self._flag.fill(0)
         for chunk in self.chunks:
             kernel(
-                particles["position"], particles["kind"], self._cell_start, self.start, self.length, chunk.neighbour,
-                self._flag, chunk.begin, chunk.end, storage.rows_per_block, storage.slots_per_block,
+                particles["position"], particles["kind"], self._cell_start, self.start, self.length, self.fluid,
+                chunk.neighbour, self._flag, chunk.begin, chunk.end, storage.rows_per_block, storage.slots_per_block,
                 self.radius + self.current_skin,
                 *map(float, origin), *map(float, size), *[int(s) for s in shape], *self.period,
             )  # fmt: skip
         return int(kernels.host(self._flag)[0]) <= storage.slots_per_block
 
 
-_SCAN_BLOCKS, _MANY_BLOCKS = 256, 512
+_SCAN_BLOCKS = 256
 
 
 def _types(d: int) -> tuple[Any, Any, Any, Any]:
@@ -306,9 +303,8 @@ def _types(d: int) -> tuple[Any, Any, Any, Any]:
 
 
 @kernels.cached
-def _copy_kernel(d: int) -> Any:
-    Vectors, _, _, _ = _types(d)
-    serial, qd = kernels.runtime().serial, kernels.qd
+def _copy_kernel(d: int, serial: bool) -> Any:
+    (Vectors, _, _, _), qd = _types(d), kernels.qd
 
     @kernels.kernel
     def copy(source: Vectors, target: Vectors, count: kernels.i32):
@@ -320,9 +316,9 @@ def _copy_kernel(d: int) -> Any:
 
 
 @kernels.cached
-def _displacement_kernel(d: int) -> Any:
+def _displacement_kernel(d: int, serial: bool) -> Any:
     Vectors, _, _, _ = _types(d)
-    serial, qd, blocks, real = kernels.runtime().serial, kernels.qd, _REDUCTION_BLOCKS, kernels.runtime().real
+    qd, blocks, real = kernels.qd, _REDUCTION_BLOCKS, kernels.runtime().real
     huge = float(np.finfo(kernels.runtime().dtype).max)
 
     @kernels.kernel
@@ -346,7 +342,7 @@ def _displacement_kernel(d: int) -> Any:
 
 
 @kernels.cached
-def _wrap_and_bound_kernel(d: int, periodic: tuple[bool, ...]) -> Any:
+def _wrap_and_bound_kernel(d: int, periodic: tuple[bool, ...], serial: bool) -> Any:
     lower = ", ".join(f"lower{k}: real" for k in range(d))
     period = ", ".join(f"period{k}: real" for k in range(d))
     wraps = [
@@ -376,7 +372,7 @@ def _wrap_and_bound_kernel(d: int, periodic: tuple[bool, ...]) -> Any:
     ]
     return kernels.compiled(
         "wrap_and_bound", "\n".join(lines) + "\n", Vectors=Vectors, real=real, d=d,
-        Vector=kernels.vector(d), blocks=_REDUCTION_BLOCKS, serial=kernels.runtime().serial,
+        Vector=kernels.vector(d), blocks=_REDUCTION_BLOCKS, serial=serial,
         largest=float(np.finfo(kernels.runtime().dtype).max),
     )  # fmt: skip
 
@@ -390,7 +386,7 @@ def _cell_kernel(d: int, periodic: tuple[bool, ...], serial: bool) -> Any:
     """
     Vectors, Rows, _, real = _types(d)
     axes = range(d)
-    w = _WET_REACHES * _CELLS_PER_REACH
+    w = [_WET_REACHES * cells for cells in CELLS_PER_REACH]
     parameters = [f"origin{k}: real" for k in axes] + [f"size{k}: real" for k in axes]
     parameters += [f"shape{k}: qd.i32" for k in axes]
     index = [
@@ -403,8 +399,8 @@ def _cell_kernel(d: int, periodic: tuple[bool, ...], serial: bool) -> Any:
         f"{n}0 + blocks0 * {n}1" if d == 2 else f"{n}0 + blocks0 * ({n}1 + blocks1 * {n}2)" for n in ("b", "n")
     )
     # A last block that is not full leaves its neighbour too near: it is joined to the one before.
-    blocks = [f"    blocks{k} = qd.max(shape{k} // {w}, 1)" for k in axes]
-    of_row = [f"        b{k} = qd.min(c{k} // {w}, blocks{k} - 1)" for k in axes]
+    blocks = [f"    blocks{k} = qd.max(shape{k} // {w[k]}, 1)" for k in axes]
+    of_row = [f"        b{k} = qd.min(c{k} // {w[k]}, blocks{k} - 1)" for k in axes]
     walk, indent = [], "        "
     for k in reversed(axes):
         walk.append(f"{indent}for o{k} in range(-1, 2):")
@@ -414,8 +410,8 @@ def _cell_kernel(d: int, periodic: tuple[bool, ...], serial: bool) -> Any:
         else:
             walk.append(f"{indent}n{k} = qd.min(qd.max(b{k} + o{k}, 0), blocks{k} - 1)")
     lines = [
-        "def cells(position: Vectors, kind: Rows, cell: Rows, counts: Rows, fluid: Rows, count: qd.i32, cells: qd.i32,",
-        f"          {', '.join(parameters)}):",
+        "def cells(position: Vectors, kind: Rows, cell: Rows, block_of: Rows, counts: Rows, fluid: Rows,",
+        f"          count: qd.i32, cells: qd.i32, {', '.join(parameters)}):",
         *blocks,
         "    qd.loop_config(serialize=serial)",
         "    for c in range(2 * cells + 1):",
@@ -426,8 +422,9 @@ def _cell_kernel(d: int, periodic: tuple[bool, ...], serial: bool) -> Any:
         *index,
         *of_row,
         f"        cell[i] = {flat}",
+        f"        block_of[i] = {block}",
         f"        if kind[i] & {FLUID} != 0:",
-        f"            fluid[{block}] = 1",
+        "            fluid[block_of[i]] = 1",
         "    qd.loop_config(serialize=serial)",
         f"    for q in range({' * '.join(f'blocks{k}' for k in axes)}):",
         *[f"        b{k} = q // ({' * '.join(['1', *[f'blocks{m}' for m in range(k)]])}) % blocks{k}" for k in axes],
@@ -438,10 +435,7 @@ def _cell_kernel(d: int, periodic: tuple[bool, ...], serial: bool) -> Any:
         "    qd.loop_config(serialize=serial)",
         "    for i in range(count):",
         f"        if kind[i] & {FLUID} == 0:",
-        "            c = cell[i]",
-        *[f"            c{k} = c // ({' * '.join(['1', *[f'shape{m}' for m in range(k)]])}) % shape{k}" for k in axes],
-        *["    " + line for line in of_row],
-        f"            if fluid[cells + {block}] == 0:",
+        "            if fluid[cells + block_of[i]] == 0:",
         "                cell[i] += cells",
         "        counts[cell[i]] += 1",
     ]
@@ -511,89 +505,6 @@ def _scatter_kernel(serial: bool) -> Any:
         qd.loop_config(serialize=serial)
         for i in range(count):
             if order[i] != i:
-                changed[0] = 1
+                qd.atomic_max(changed[0], i + 1)
 
     return scatter
-
-
-@kernels.cached
-def _list_kernel(d: int, periodic: tuple[bool, ...]) -> Any:
-    """Generate the walk over cell rows; a cell row is a contiguous range of table rows."""
-    (Vectors, Rows, Starts, real), axes, spread = _types(d), range(d), kernels.spread(_MANY_BLOCKS)
-    parameters = [f"origin{k}: real" for k in axes] + [f"size{k}: real" for k in axes]
-    parameters += [f"shape{k}: qd.i32" for k in axes] + [f"period{k}: real" for k in axes]
-    m = _CELLS_PER_REACH
-    indent = "            "
-    body = [
-        f"{indent}c{k} = qd.min(qd.max(qd.cast(qd.floor((x[{k}] - origin{k}) / size{k}), qd.i32), 0), shape{k} - 1)"
-        for k in axes
-    ]
-    loops = indent
-    for k in reversed(range(1, d)):
-        if periodic[k]:
-            body.append(f"{loops}for o{k} in range(-{m}, {m} + 1):")
-            body.append(f"{loops}    n{k} = (c{k} + o{k} + shape{k}) % shape{k}")
-        else:
-            body.append(f"{loops}for n{k} in range(qd.max(c{k} - {m}, 0), qd.min(c{k} + {m} + 1, shape{k})):")
-        loops += "    "
-    base = "shape0 * n1" if d == 2 else "shape0 * (n1 + shape1 * n2)"
-    body.append(f"{loops}base = {base}")
-    body.append(f"{loops}segments = 1")
-    if periodic[0]:
-        body.append(f"{loops}if c0 < {m} or c0 >= shape0 - {m}:")
-        body.append(f"{loops}    segments = 2")
-    body += [
-        f"{loops}for segment in range(segments):",
-        f"{loops}    low = cell_start[base + qd.max(c0 - {m}, 0)]",
-        f"{loops}    high = cell_start[base + qd.min(c0 + {m} + 1, shape0)]",
-    ]
-    if periodic[0]:
-        body += [
-            f"{loops}    if segment == 1:",
-            f"{loops}        low = cell_start[base + qd.select(c0 < {m}, shape0 + c0 - {m}, 0)]",
-            f"{loops}        high = cell_start[base + qd.select(c0 < {m}, shape0, c0 + {m} + 1 - shape0)]",
-        ]
-    body += [
-        f"{loops}    for j in range(low, high):",
-        f"{loops}        r = position[j] - x",
-        *[
-            f"{loops}        r[{k}] -= period{k} * qd.round(r[{k}] / period{k})"
-            for k, joined in enumerate(periodic)
-            if joined
-        ],
-        # Written without a branch: one candidate in six is near, which no branch predictor can guess.
-        f"{loops}        neighbour[first + qd.min(used, slots - 1)] = j",
-        f"{loops}        used += qd.cast(r.dot(r) < reach * reach, qd.i32) & qd.cast(j != i, qd.i32)",
-    ]
-    lines = [
-        "def fill(position: Vectors, kind: Rows, cell_start: Rows, start: Starts, length: Rows, neighbour: Rows,",
-        "         flag: Rows, begin: qd.i32, end: qd.i32, rows_per_block: qd.i32, slots: qd.i32, reach: real,",
-        f"         {', '.join(parameters)}):",
-        "    qd.loop_config(serialize=serial)",
-        f"    for t in range((end - begin + rows_per_block - 1) // rows_per_block * {spread}):",
-        f"        block = t // {spread}",
-        "        first = qd.cast(block, qd.i64) * slots",
-        "        used = 0",
-        "        beyond = qd.min(begin + (block + 1) * rows_per_block, end)",
-        f"        for i in range(begin + block * rows_per_block, qd.select(t % {spread} == 0, beyond, 0)):",
-        "            before = used",
-        "            start[i] = first + used",
-        "            length[i] = 0",
-        f"            if kind[i] & {LISTED} != 0:",
-        "                x = position[i]",
-        *["    " + line for line in body],
-        # A wall row that sees no fluid takes part in nothing: its list is dropped.
-        f"                if kind[i] & {FLUID} == 0:",
-        "                    wet = 0",
-        "                    for k in range(qd.min(before, slots - 1), qd.min(used, slots - 1)):",
-        f"                        wet |= kind[neighbour[first + k]] & {FLUID}",
-        "                    if wet == 0:",
-        "                        used = before",
-        "                length[i] = qd.min(used, slots) - qd.min(before, slots)",
-        "        if used > slots:",
-        "            qd.atomic_max(flag[0], used)",
-    ]
-    return kernels.compiled(
-        "fill", "\n".join(lines) + "\n", Vectors=Vectors, Rows=Rows, Starts=Starts, real=real,
-        serial=kernels.runtime().serial,
-    )  # fmt: skip

@@ -90,6 +90,23 @@ def test_against_a_direct_solver(every_runtime, d, seed, inner_levels):
     assert Multigrid(tolerance=20 * tolerance)(system, particles).iterations == 0
 
 
+@pytest.mark.parametrize("rows_alone", [False, True])
+def test_one_large_level_in_one_launch(device, monkeypatch, rows_alone):
+    """What two threads do where only the particles' level is large, on a small system; also without any other level."""
+    initialized(device, 2, "double")
+    monkeypatch.setattr(aggregation, "alone", lambda rows: False)
+    position = block(3, 7, disturbance=0.3) * (5.0 if rows_alone else 1.0)
+    particles, system = assembled(position, np.full(len(position), 0.2))
+    solution, pressure, direct = solved(particles, system, 1e-11)
+    assert pressure == pytest.approx(direct(), abs=1e-8 * float(np.abs(pressure).max()))
+    assert 0 < solution.iterations < (3 if rows_alone else 40)
+    assert Multigrid(tolerance=2e-10)(system, particles).iterations == 0
+    if not rows_alone:
+        particles.set("pressure", np.zeros(particles.count))
+        with pytest.raises(NotConverged, match=r"after 2 iterations"):
+            Multigrid(tolerance=1e-11, largest_iterations=2, patience=2)(system, particles)
+
+
 @pytest.mark.parametrize("d", [2, 3])
 def test_iterations_do_not_grow_with_the_number_of_rows(runtime, d):
     counts = []

@@ -4,6 +4,7 @@ from math import cos, pi, sqrt
 
 import numpy as np
 
+from reference.images import images
 from reference.number_density import original as density_of
 
 
@@ -127,20 +128,17 @@ def imaged(cloud):
 
 
 def imaged_drawn(cloud):
-    """Flag, addition 4/(l0 rho) theta max(|s|, [(1 - n/n0)/m - 1] |s| of a flat surface), and no surface pressure.
+    """Flag, addition 2/rho theta max(|b|/delta, [(1 - n/n0)/m - 1] 2 |b|/l0 of a flat surface), no surface pressure.
 
-    s = d/n0 sum_j W r_ij/r^2; m is the share of n0 that a row on a flat surface of the lattice misses.
+    b and delta are those of the images; m is the share of n0 that a row on a flat surface of the lattice misses.
     """
     share, n = imaged(cloud), density_of(cloud) / cloud.n0
     around = [(r, np.linalg.norm(r)) for r in lattice(cloud, cloud.re / cloud.l0)]
     above = [(r, s) for r, s in around if r[-1] > 0.5 * cloud.l0]
     m = sum(cloud.W(s, cloud.re) for _, s in above) / cloud.n0
     flat = sum(cloud.d / cloud.n0 * cloud.W(s, cloud.re) * r[-1] / s**2 for r, s in above)
-    diagonal = cloud.scalars()
-    for i in range(len(cloud)):
-        total = np.zeros(cloud.d)
-        for _, r, s, w in cloud.neighbours(i):
-            total += cloud.d / cloud.n0 * w * r / s**2
-        drawn = max(np.linalg.norm(total), ((1 - n[i]) / m - 1) * flat)
-        diagonal[i] = 4 / (cloud.l0 * cloud.rho[i]) * share[i] * drawn
-    return np.stack([share > 0.5, diagonal, cloud.scalars()], axis=1)
+    shared = cloud.moved(cloud.x)
+    shared.share = share
+    b, delta = images(shared)
+    drawn = np.maximum(np.linalg.norm(b, axis=1) / delta, ((1 - n) / m - 1) * 2 * flat / cloud.l0)
+    return np.stack([share > 0.5, 2 / cloud.rho * share * drawn, cloud.scalars()], axis=1)

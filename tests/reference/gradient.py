@@ -3,6 +3,7 @@
 import numpy as np
 
 from reference.cloud import DT
+from reference.images import images
 
 
 def least(cloud, i):
@@ -141,18 +142,18 @@ def floored(moment, floor):
 
 
 def imaged(cloud, floor=0.3):
-    """C_i [d/n0 sum_j (phi_j - phi_i) W r/r^2 + 2 theta phi_i s], C_i = [M_i + theta l0 s (x) s/|s|]^-1.
+    """C_i [d/n0 sum_j (phi_j - phi_i) W r/r^2 + 2 theta phi_i b], C_i = [M_i + 2 theta delta b (x) b/|b|]^-1.
 
-    s = d/n0 sum_j W r/r^2; the least eigenvalue of what is inverted is raised to the floor.
+    b and delta are those of the images; the least eigenvalue of what is inverted is raised to the floor.
     """
-    g = cloud.vectors()
+    g, (b, delta) = cloud.vectors(), images(cloud)
     for i in range(len(cloud)):
-        s, total, share = np.zeros(cloud.d), np.zeros(cloud.d), cloud.share[i]
+        total, share = np.zeros(cloud.d), cloud.share[i]
         for j, r, distance, w in cloud.neighbours(i):
-            s += cloud.d / cloud.n0 * w * r / distance**2
             total += cloud.d / cloud.n0 * w * (cloud.phi[j] - cloud.phi[i]) * r / distance**2
-        moment = np.linalg.inv(matrix(cloud, i)) + share * cloud.l0 * np.outer(s, s) / np.linalg.norm(s)
-        g[i] = np.linalg.solve(floored(moment, floor), total + 2 * share * cloud.phi[i] * s)
+        beyond = 2 * share * delta[i] * np.outer(b[i], b[i]) / np.linalg.norm(b[i])
+        moment = np.linalg.inv(matrix(cloud, i)) + beyond
+        g[i] = np.linalg.solve(floored(moment, floor), total + 2 * share * cloud.phi[i] * b[i])
     return g
 
 

@@ -53,15 +53,20 @@ def fickian(cloud, strength=0.1, largest=0.1):
     return shift
 
 
-def fickian_along_surface(cloud, strength=0.1, largest=0.1, spray=0.5, supported=0.65):
-    """-A l0^2 [(1 - theta) I + theta beta (I - n n)] grad c; beta falls from 1 to 0 between 0.65 and 0.5 n0."""
+def fickian_along_surface(cloud, strength=0.1, largest=0.1, spray=0.5, supported=0.65, relative=5.0):
+    """-D [(1 - theta) I + theta beta (I - n n)] grad c; beta falls from 1 to 0 between 0.65 and 0.5 n0.
+
+    D = A l0^2, or ``relative`` l0 max_j |u_j - u_i| dt where that is less.
+    """
     shift = cloud.vectors()
     for i in range(len(cloud)):
         g, n, theta = crowding(cloud, i), normal(cloud, i), cloud.share[i]
         ratio = sum(w for *_, w in cloud.neighbours(i)) / cloud.n0
         beta = min(max((ratio - spray) / (supported - spray), 0.0), 1.0)
         step = (1 - theta) * g + theta * beta * (g - (n @ g) * n)
-        shift[i] = limited(-strength * cloud.l0**2 * step, largest * cloud.l0)
+        fastest = max((np.linalg.norm(cloud.u[j] - cloud.u[i]) for j, *_ in cloud.neighbours(i)), default=0.0)
+        D = min(strength * cloud.l0**2, relative * cloud.l0 * fastest * DT)
+        shift[i] = limited(-D * step, largest * cloud.l0)
     return shift
 
 

@@ -85,4 +85,5 @@ def test_once_a_step_and_the_same_trajectory(counted, monkeypatch):
     monkeypatch.setattr(Particles, "keeps", lambda *_: False)
     fresh, _ = advanced_positions(step)
     assert counted.count("bounded_moment") == 2 * simulation.step_index
-    assert np.array_equal(kept, fresh)
+    # A sum that shares its pass with others is rounded otherwise than one that is made alone.
+    assert np.allclose(kept, fresh, rtol=0.0, atol=1e-11)

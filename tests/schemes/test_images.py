@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 from arrangements import table
+from spume.build import build
+from spume.case import load
 from spume.lattice import Lattice
+from spume.particles import FLUID, WALL
 from spume.pressure.matrix import SYSTEM_FIELDS, UNKNOWN, LinearSystem
 from spume.schemes.correction import CORRECTION
 from spume.schemes.divergence.bounded import Bounded
@@ -17,6 +20,7 @@ from spume.schemes.number_density.base import Original as NumberDensity
 from spume.schemes.shifting.fickian_along_surface import FickianAlongSurface
 from spume.schemes.source.base import DIVERGENCE, SOURCE
 from spume.schemes.source.divergence_density import DivergenceDensity
+from spume.schemes.surface_images import density_of_images, surface_images
 from spume.schemes.velocity_gradient import VELOCITY_GRADIENT, keep_volume
 from spume.schemes.weight.inverse import Inverse
 from spume.schemes.weight.quadratic import Quadratic
@@ -48,9 +52,16 @@ def layer(d, along=1.0, across=1.0, **rows):
     return handles, depth, depth < 0.5 * across * L0
 
 
-def weight_of(depth):
-    """Return a pressure that vanishes l0/2 above the top centres."""
-    return 9810.0 * (depth + 0.5 * L0)
+def weight_of(depth, distance=0.5 * L0):
+    """Return a pressure that vanishes at a distance above the top centres."""
+    return 9810.0 * (depth + distance)
+
+
+def distance_of_surface(particles, top):
+    """Return the distance that the schemes give the surface of a layer, whose top rows are all alike."""
+    found = particles.numpy("surface_distance")[top]
+    assert np.ptp(found) < 1e-12
+    return found[0]
 
 
 ARRANGEMENTS = pytest.mark.parametrize(
@@ -60,10 +71,11 @@ ARRANGEMENTS = pytest.mark.parametrize(
 
 @dimensions
 @ARRANGEMENTS
-def test_gradient_of_a_pressure_that_vanishes_half_a_spacing_outside(d, along, across):
+def test_gradient_of_a_pressure_that_vanishes_on_the_surface(d, along, across):
     (lattice, particles, pairs), depth, top = layer(d, along, across)
     particles.set("surface_share", top.astype(float))
-    particles.set("scalar", weight_of(depth))
+    surface_images(ImagedGradient(), lattice, particles, pairs)
+    particles.set("scalar", weight_of(depth, distance_of_surface(particles, top)))
     exact = np.zeros((int(top.sum()), d))
     exact[:, -1] = -9810.0
     ImagedGradient()(lattice, particles, pairs, phi="scalar", out="vector")
@@ -75,16 +87,17 @@ def test_gradient_of_a_pressure_that_vanishes_half_a_spacing_outside(d, along, a
 
 @dimensions
 @ARRANGEMENTS
-def test_matrix_of_a_pressure_that_vanishes_half_a_spacing_outside(d, along, across):
+def test_matrix_of_a_pressure_that_vanishes_on_the_surface(d, along, across):
     """Laplacian and images of a surface row cancel: 2 s . g + 2 s . g_image, both slopes the same."""
     (lattice, particles, pairs), depth, top = layer(d, along, across)
     number_density, laplacian, surface = NumberDensity(), Distance(), ImagedSurface(upper=1.0, lower=0.95)
     number_density(lattice, particles, pairs)
     surface(lattice, particles, pairs, number_density)
     particles.set("surface_share", top.astype(float))
+    surface_images(surface, lattice, particles, pairs)
     surface.draw(lattice, particles, laplacian, number_density)
     particles.set("row_state", np.full(particles.count, UNKNOWN))
-    p = weight_of(depth)
+    p = weight_of(depth, distance_of_surface(particles, top))
     linear = LinearSystem()
     linear.assemble(laplacian, lattice, particles, pairs)
     start, length = linear.start.to_numpy(), particles.numpy("row_length")
@@ -96,6 +109,77 @@ def test_matrix_of_a_pressure_that_vanishes_half_a_spacing_outside(d, along, acr
         assert images[i] * p[i] > 1.0
         assert abs(residual) < 1e-11 * images[i] * p[i]
     assert not images[depth > 1.5 * across * L0].any()
+
+
+@dimensions
+def test_surface_is_as_far_as_the_rows_are_apart(d):
+    """Stretched along its normal at constant volume: half of the distance of the rows, to second order."""
+    errors = []
+    for stretch in (1.0, 1.02, 0.98, 1.1, 0.9):
+        (lattice, particles, pairs), _, top = layer(d, stretch ** (-1 / (d - 1)), stretch)
+        particles.set("surface_share", top.astype(float))
+        surface_images(ImagedSurface(), lattice, particles, pairs)
+        assert particles.numpy("images")[top][:, :-1] == pytest.approx(0.0, abs=1e-9)
+        errors.append(abs(distance_of_surface(particles, top) / (0.5 * L0 * stretch) - 1.0))
+    assert errors[0] < 1e-12
+    assert max(errors[1:3]) < 2e-3
+    assert max(errors[3:]) < 0.05
+
+
+def test_surface_at_a_wall_that_goes_on_above_the_water():
+    """Images lie straight above the water, and at its distance, though the wall's upper rows pull towards it."""
+    n = 6
+    wet = [(-(i + 0.5) * L0, -(j + 0.5) * L0, FLUID) for i in range(n) for j in range(n)]
+    wall = [((i + 0.5) * L0, (j - n + 0.5) * L0, WALL) for i in range(3) for j in range(2 * n)]
+    rows = np.array(wet + wall)
+    normals = np.where(rows[:, 2:] == WALL, -rows[:, :1] * [[1.0, 0.0]], 0.0)
+    lattice, particles, pairs = table(
+        rows[:, :2], spacing=L0, fields=FIELDS, skin=0.0, kind=rows[:, 2].astype(int), to_surface=normals
+    )
+    x, fluid = particles.numpy("position"), particles.numpy("kind") == FLUID
+    particles.set("surface_share", (fluid & (x[:, 1] > -L0)).astype(float))
+    surface_images(ImagedSurface(), lattice, particles, pairs)
+    at_wall = fluid & (x[:, 1] > -L0) & (x[:, 0] > -L0)
+    assert at_wall.sum() == 1
+    (b,) = particles.numpy("images")[at_wall]
+    (s,) = particles.numpy("crowding")[at_wall]
+    assert abs(s[0]) > 0.1 * abs(s[1]), "the wall above the water pulls"
+    assert abs(b[0]) < 1e-9 * abs(b[1])
+    assert b[1] == pytest.approx(s[1])
+    assert particles.numpy("surface_distance")[at_wall] == pytest.approx(0.5 * L0, rel=0.02)
+
+
+@dimensions
+@pytest.mark.parametrize("stretch", [1.0, 0.9])
+def test_images_complete_the_number_density(d, stretch):
+    """Of the row below the surface, whatever the distance of the rows; without them it misses neighbours."""
+    number_density = NumberDensity(weight=Quadratic())
+    (lattice, particles, pairs), depth, top = layer(d, 1.0, stretch)
+    particles.set("surface_share", top.astype(float))
+    surface_images(ImagedSurface(), lattice, particles, pairs)
+    # The images of a flat surface are as far above it as its rows are below.
+    particles.set("surface_distance", np.full(particles.count, 0.5 * stretch * L0))
+    number_density(lattice, particles, pairs)
+    density_of_images(number_density, lattice, particles, pairs)
+    n, more = particles.numpy("number_density"), particles.numpy("images_density")
+    second = (depth > 0.5 * stretch * L0) & (depth < 1.5 * stretch * L0)
+    middle = (depth > 2.5 * stretch * L0) & (depth < 3.5 * stretch * L0)
+    assert n[second].max() < n[middle].min() - 1e-4
+    assert (n + more)[second] == pytest.approx(n[middle][0], rel=1e-12)
+    assert not more[middle].any()
+
+
+def test_water_at_rest_beside_walls_stays_at_rest():
+    """A hundred steps from the lattice: with a surface that met the walls aslant speeds grew to 1 % of sqrt(g l0)."""
+    spacing = 0.05
+    simulation = build(load("hydrostatic", [f"spacing={spacing}", "fluid.water.disturbance=0.0"]), threads=1)
+    for _ in range(100):
+        simulation.advance()
+    state = simulation.snapshot()
+    speed = np.linalg.norm(state["velocity"][state.fluid], axis=1).max()
+    assert speed < 1e-3 * np.sqrt(9.81 * spacing)
+    depth = 1.0 - state["position"][state.fluid][:, 1]
+    assert state["pressure"][state.fluid] == pytest.approx(9810.0 * depth, abs=1e-3 * 9810.0 * spacing)
 
 
 @dimensions
@@ -145,7 +229,7 @@ def test_a_rotation_keeps_its_volume_to_second_order(d):
 
 @dimensions
 def test_shifting_along_a_flat_surface(d):
-    """Across it nothing; along it the rows that crowd part; spray stays."""
+    """Across it nothing; along it the rows that crowd part; spray stays, and so does water that does not move."""
     (lattice, particles, pairs), _, top = layer(d)
     x = particles.numpy("position")
     rng = np.random.default_rng(1)
@@ -156,6 +240,9 @@ def test_shifting_along_a_flat_surface(d):
     number_density(lattice, particles, pairs)
     particles.set("surface_share", top.astype(float))
     shifting = FickianAlongSurface()
+    shifting(lattice, particles, pairs, number_density, 0.01)
+    assert not particles.numpy("shift").any()
+    particles.set("velocity", rng.uniform(-1, 1, moved.shape))
     shifting(lattice, particles, pairs, number_density, 0.01)
     shift, normal = particles.numpy("shift")[top], particles.numpy("surface_normal")[top]
     assert np.abs(shift).max() > 1e-3 * L0

@@ -20,15 +20,13 @@ HERE = Path(__file__).parent
 G = 9.81
 
 SETTINGS: list[tuple[str, str]] = [
-    ("0.1", "0.1"),
-    ("0.2", "0.2"),
     ("0.2", "0.5"),
     ("0.2", "1.0"),
-    ("0.3", "0.5"),
     ("0.3", "1.0"),
-    ("0.4", "0.4"),
     ("0.4", "1.0"),
     ("0.5", "1.0"),
+    ("0.3", "0.5"),
+    ("0.2", "0.2"),
 ]
 """Courant number of the relative motion, and largest way of a particle in a step [l0]."""
 

@@ -55,7 +55,7 @@ def alone(rows: int) -> bool:
     runtime = kernels.runtime()
     if runtime.device != "cpu":
         return blocks(rows) == 1
-    return runtime.serial or rows * (runtime.threads - 1) < 35_000 * runtime.threads
+    return runtime.serial or rows * (runtime.threads - 1) < 18_000 * runtime.threads
 
 
 def stretches(rows: int = 1) -> int:

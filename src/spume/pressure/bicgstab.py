@@ -115,7 +115,7 @@ def _kernels(entries: Entries) -> Any:
             scalars[5] = 1
             running[None] = qd.cast(scalars[1] > tolerance * tolerance * scalars[0], qd.i32)
 
-    @kernels.qd.kernel(graph=True)
+    @kernels.kernel(graph=True)
     def iterate_bicgstab(
         matrix: Matrix,
         x: Reals, diagonal: Reals, r: Reals, shadow: Reals, p: Reals, v: Reals, s: Reals, t: Reals, y: Reals,

@@ -26,16 +26,17 @@ class Components:
 
     def project(self, system: LinearSystem, particles: Particles) -> list[NDArray[np.intp]]:
         """Make the right side of each floating component sum to zero; return the components' rows, shape (rows,)."""
-        kernel, matrix = _label_kernel(system.entries), system.matrix(particles)
+        light = kernels.light(particles.active)
+        kernel, matrix = _label_kernel(system.entries, light), system.matrix(particles)
         state, label = particles[system.state], particles["component"]
-        _start_kernel()(state, label, particles.active)
+        _start_kernel(light)(state, label, particles.active)
         while True:
             self._changed.fill(0)
             kernel(matrix, state, label, particles[system.grounded], self._changed, particles.active)
             if kernels.host(self._changed)[0] == 0:
                 break
         self._floating.fill(0)
-        _ground_kernel()(state, label, particles[system.grounded], self._floating, particles.active)
+        _ground_kernel(light)(state, label, particles[system.grounded], self._floating, particles.active)
         if kernels.host(self._floating)[0] == 0:
             return []
         labels, tied = particles.numpy("component"), particles.numpy(system.grounded)
@@ -61,9 +62,9 @@ class Components:
 
 
 @kernels.cached
-def _start_kernel() -> Any:
+def _start_kernel(serial: bool) -> Any:
     Rows = kernels.array_type(kernels.i32)
-    serial, qd = kernels.runtime().serial, kernels.qd
+    qd = kernels.qd
 
     @kernels.kernel
     def start_labels(state: Rows, label: Rows, count: kernels.i32):
@@ -75,11 +76,11 @@ def _start_kernel() -> Any:
 
 
 @kernels.cached
-def _label_kernel(entries: Entries) -> Any:
+def _label_kernel(entries: Entries, serial: bool) -> Any:
     """One round of hooking and pointer jumping: rounds grow with the logarithm of the component's size."""
     Rows, Matrix = kernels.array_type(kernels.i32), matrix_type(entries)
     entry = entry_functions(Matrix, entries)
-    serial, qd = kernels.runtime().serial, kernels.qd
+    qd = kernels.qd
 
     @kernels.kernel
     def label_round(matrix: Matrix, state: Rows, label: Rows, grounded: Rows, changed: Rows, count: kernels.i32):
@@ -106,9 +107,9 @@ def _label_kernel(entries: Entries) -> Any:
 
 
 @kernels.cached
-def _ground_kernel() -> Any:
+def _ground_kernel(serial: bool) -> Any:
     Rows = kernels.array_type(kernels.i32)
-    serial, qd = kernels.runtime().serial, kernels.qd
+    qd = kernels.qd
 
     @kernels.kernel
     def ground(state: Rows, label: Rows, grounded: Rows, floating: Rows, count: kernels.i32):

@@ -206,7 +206,7 @@ def _kernels(entries: Entries) -> Any:
                 for b in range(blocks):
                     turn(b, r, p, diagonal, scalars, count)
 
-    @kernels.qd.kernel(graph=True)
+    @kernels.kernel(graph=True)
     def iterate(
         matrix: Matrix, x: Reals, r: Reals, p: Reals, q: Reals, diagonal: Reals,
         partial: Reals, scalars: Reals, running: Flag, tolerance: real, largest: kernels.i32, count: kernels.i32,

@@ -383,6 +383,69 @@ def solve_in_one_thread(symmetric: bool, entries: Entries) -> Any:
 
 
 @kernels.cached
+def solve_on_finest(symmetric: bool, entries: Entries) -> Any:
+    """Return the kernel that iterates in one go with all threads on the finest level and one on all others.
+
+    A launch costs 0.1 to 0.2 ms for the many arrays that it takes, as much as a sweep over 10 000 rows.
+    """
+    qd, real = kernels.qd, kernels.runtime().real
+    i32 = kernels.i32
+    Level, Coarse = level_type(entries), level_type(SINGLES)
+    spread = kernels.spread(blocks())
+    Reals, Rows = kernels.array_type(real), kernels.array_type(i32)
+    Flag = qd.types.ndarray(dtype=i32, ndim=0)
+    f, o, run = cycle_stages(symmetric, entries), outer_stages(symmetric, entries), run_function(symmetric)
+
+    @kernels.kernel(graph=True)
+    def iterate_on_finest(
+        level: Level, coarse: Coarse, table: Rows, operations: Rows, length: i32, diagonal: Reals, x: Reals,  # type: ignore[valid-type]
+        r: Reals, p: Reals, q: Reals, image: Reals, partial: Reals, scalars: Reals, running: Flag, tolerance: real,  # type: ignore[valid-type]
+        largest: i32, n: i32, n_coarse: i32, parts: i32,  # type: ignore[valid-type]
+    ):  # fmt: skip
+        while qd.graph.do_while(running):
+            qd.loop_config(block_dim=1)
+            for t in range(parts * spread):
+                if t % spread == 0:
+                    f.leave(t // spread, parts, level, 0, n)
+            qd.loop_config(block_dim=1)
+            for t in range(parts * spread):
+                if t % spread == 0:
+                    f.restrict(t // spread, parts, level, 0, coarse, 0, n_coarse)
+            qd.loop_config(serialize=True)
+            for _ in range(1):
+                run(operations, 0, length, coarse, table, partial, scalars)
+            qd.loop_config(block_dim=1)
+            for t in range(parts * spread):
+                if t % spread == 0:
+                    f.correct(t // spread, parts, level, 0, n, coarse, 0)
+            qd.loop_config(block_dim=1)
+            for t in range(parts * spread):
+                if t % spread == 0:
+                    f.polish(t // spread, parts, level, 0, n)
+            qd.loop_config(block_dim=1)
+            for t in range(parts * spread):
+                if t % spread == 0:
+                    o.products(t // spread, parts, level, diagonal, r, q, image, partial, n)
+            qd.loop_config(serialize=True)
+            for _ in range(1):
+                o.decide(parts, partial, scalars)
+            qd.loop_config(block_dim=1)
+            for t in range(parts * spread):
+                if t % spread == 0:
+                    o.advance(t // spread, parts, level, x, r, p, q, image, partial, scalars, n)
+            qd.loop_config(serialize=True)
+            for _ in range(1):
+                rest = f.total(partial, parts, 0)
+                scalars[REST] = rest
+                # Written so that a residual that is not a number ends the iteration.
+                running[None] = qd.cast(
+                    rest > tolerance * tolerance * scalars[RIGHT] and scalars[ITERATIONS] < largest, i32
+                )
+
+    return iterate_on_finest
+
+
+@kernels.cached
 def parallel_kernels(symmetric: bool, entries: Entries) -> Any:
     """Return the kernels that work on one level with all threads, and the one that runs a part of the program."""
     qd, real = kernels.qd, kernels.runtime().real

@@ -77,6 +77,7 @@ class _Workspace:
         self._scalars = kernels.array(self._real, cycle.SCALARS + 4 * (aggregation.LEVELS + 1))
         self._partial = kernels.array(self._real, 3 * self._parts)
         self._low, self._high = (kernels.array(kernels.vector(d), self._parts) for _ in range(2))
+        self._running = kernels.scalar_array(kernels.i32)
         self._coarse: Any = None
         self._scratch: Any = None
         self._host_table: NDArray[np.int32] = np.zeros(aggregation.TABLE, np.int32)
@@ -107,7 +108,7 @@ class _Workspace:
                 self._scalars, solver.tolerance, self._floor, solver.largest_iterations,
             )  # fmt: skip
         else:
-            self._iterate(level, vectors, solver, cycle.parallel_kernels(system.symmetric, system.entries))
+            self._iterate(level, vectors, solver, system)
         # One element at a time: copying the whole array would wake the thread pool.
         return solution(self._scalars, solver)
 
@@ -148,13 +149,22 @@ class _Workspace:
         self._host_table = table
         return int(table[aggregation.DEPTH]), int(table[aggregation.OVERFLOW])
 
-    def _iterate(self, level: Any, vectors: list[Any], solver: Multigrid, kernel: Any) -> None:
+    def _iterate(self, level: Any, vectors: list[Any], solver: Multigrid, system: LinearSystem) -> None:
         """Iterate with all threads on the large levels; runs of operations on small ones are one launch each."""
         diagonal, x, rhs, r, p, q = vectors
+        kernel = cycle.parallel_kernels(system.symmetric, system.entries)
         table, coarse, parts = self._host_table, self._coarse, self._parts
         partial, scalars, n = self._partial, self._scalars, int(table[1])
         runs = self._runs(table)
         kernel.start(level, diagonal, x, rhs, r, p, q, partial, scalars, self._floor, n, parts)
+        if all(operation == cycle.RUN for operation, *_ in runs):
+            if scalars[cycle.REST] > solver.tolerance**2 * scalars[cycle.RIGHT]:
+                cycle.solve_on_finest(system.symmetric, system.entries)(
+                    level, coarse, self._table, self._operations, self._length, diagonal, x, r, p, q, self._image,
+                    partial, scalars, self._running, solver.tolerance, solver.largest_iterations, n,
+                    int(table[3]) if self._length else 0, parts,
+                )  # fmt: skip
+            return
         while True:
             # Written so that a residual that is not a number ends the iteration.
             if not scalars[cycle.REST] > solver.tolerance**2 * scalars[cycle.RIGHT]:

@@ -2,10 +2,11 @@
 
 from spume import kernels
 from spume.lattice import Lattice
-from spume.pairs import Pairs, PairTerm, pair_sum, pair_term
+from spume.pairs import Pairs, PairSum, PairTerm, pair_sum, pair_term
 from spume.particles import ANY, FLUID, WALL, Field, Particles
 from spume.schemes.operator import Operator
 
+SECOND_MOMENT = Field("second_moment", ("symmetric",), "1", "sum of W r (x) r/r^2 over a row's neighbours")
 CORRECTION = Field("correction", ("d", "d"), "1", "corrective matrix C of the gradient", scratch="correction")
 
 
@@ -48,6 +49,34 @@ def inverse_or_identity(matrix, largest_condition):  # type: ignore[no-untyped-d
     return result
 
 
+@kernels.func
+def symmetric_matrix(v):  # type: ignore[no-untyped-def]
+    """Return the 2 x 2 or 3 x 3 matrix of the components that a symmetric field keeps, row by row from the diagonal."""
+    if kernels.static(v.n == 3):
+        return kernels.qd.Matrix([[v[0], v[1]], [v[1], v[2]]])
+    else:
+        return kernels.qd.Matrix([[v[0], v[1], v[2]], [v[1], v[3], v[4]], [v[2], v[4], v[5]]])
+
+
+@kernels.func
+def squares(r):  # type: ignore[no-untyped-def]
+    """Return r (x) r as a symmetric field keeps it."""
+    if kernels.static(r.n == 2):
+        return kernels.qd.Vector([r[0] * r[0], r[0] * r[1], r[1] * r[1]])
+    else:
+        return kernels.qd.Vector([r[0] * r[0], r[0] * r[1], r[0] * r[2], r[1] * r[1], r[1] * r[2], r[2] * r[2]])
+
+
+@pair_term(shape=("symmetric",))
+def second_moment(a, b, r, w):  # type: ignore[no-untyped-def]
+    return squares(r) * (w / r.dot(r))
+
+
+def second_moment_sum(operator: Operator, lattice: Lattice, over: int = ANY, rows: int = FLUID) -> PairSum:
+    """Return the sum of W r (x) r/r^2 into ``second_moment``, of which corrective matrices are made row by row."""
+    return PairSum((second_moment,), ("second_moment",), operator.weight, operator.radius(lattice), rows, over)
+
+
 def _inverse_or_identity(a, moment, scale, largest_condition):  # type: ignore[no-untyped-def]
     return inverse_or_identity(moment * scale, largest_condition)
 
@@ -74,10 +103,6 @@ def _towards_identity(a, moment, scale, floor):  # type: ignore[no-untyped-def]
     return floored_inverse(scaled, floor)
 
 
-def _floored(a, moment, scale, floor):  # type: ignore[no-untyped-def]
-    return floored_inverse(moment * scale, floor)
-
-
 @pair_term(shape=("d", "d"), finish=_inverse_or_identity)
 def moment(a, b, r, w, scale, limit):  # type: ignore[no-untyped-def]
     return r.outer_product(r) * (w / r.dot(r))
@@ -85,11 +110,6 @@ def moment(a, b, r, w, scale, limit):  # type: ignore[no-untyped-def]
 
 @pair_term(reads=("surface_share",), shape=("d", "d"), finish=_towards_identity)
 def bounded_moment(a, b, r, w, scale, limit):  # type: ignore[no-untyped-def]
-    return r.outer_product(r) * (w / r.dot(r))
-
-
-@pair_term(shape=("d", "d"), finish=_floored)
-def floored_moment(a, b, r, w, scale, limit):  # type: ignore[no-untyped-def]
     return r.outer_product(r) * (w / r.dot(r))
 
 
@@ -125,16 +145,6 @@ def bounded_correction_matrix(
     neighbours multiplies a pressure difference by more than 1/floor.
     """
     _make(operator, lattice, particles, pairs, bounded_moment, over, rows, floor, ("position", "surface_share"))
-
-
-def floored_correction_matrix(
-    operator: Operator, lattice: Lattice, particles: Particles, pairs: Pairs, floor: float, rows: int = FLUID
-) -> None:
-    """Write C_i = M_i^-1 into ``correction``, the eigenvalues of M_i raised to ``floor`` at least.
-
-    Near the surface too: a flat one leaves the smallest eigenvalue at 0.5, which a floor up to that does not touch.
-    """
-    _make(operator, lattice, particles, pairs, floored_moment, ANY, rows, floor, ("position",))
 
 
 def _make(

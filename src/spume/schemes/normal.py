@@ -47,18 +47,19 @@ def outward(a):  # type: ignore[no-untyped-def]
 
 
 def surface_normals(
-    operator: Operator, lattice: Lattice, particles: Particles, pairs: Pairs, rows: int = FLUID, over: int = ANY
-) -> None:
+    operator: Operator, lattice: Lattice, particles: Particles, pairs: Pairs, rows: int = FLUID, over: int = ANY,
+    where: str = "",
+) -> None:  # fmt: skip
     """Write ``surface_normal``, n = -B^-1 b/|B^-1 b|.
 
     b = sum_j v r_ij, B = sum_j v r_ij (x) r_ij, v = (1 - r/re)^2:
     the renormalised normal of Khayyer 2017 and Marrone 2010, with a bounded weight in place of W/r^2: with
     W/r^2 a surface row that is displaced by 0.2 l0 along a flat surface sees it inclined by 45 degrees, so by 7.
-    Inside the fluid its direction means nothing.
+    Inside the fluid its direction means nothing; ``where`` names a field that is positive at the rows that want one.
     """
     re = operator.radius(lattice)
     pair_sum(
         (neighbour_mean, neighbour_moment), particles, pairs, out=("surface_normal", "neighbour_spread"),
-        weight=operator.weight, re=re, rows=rows, over=over, arguments=(re,),
+        weight=operator.weight, re=re, rows=rows, over=over, arguments=(re,), where=where,
     )  # fmt: skip
-    row_map(outward, particles, out="surface_normal", rows=rows)
+    row_map(outward, particles, out="surface_normal", rows=rows, where=where)

@@ -4,6 +4,7 @@ from pydantic import Field
 
 from spume.lattice import Lattice
 from spume.named import Scheme
+from spume.pairs import PairSum
 from spume.schemes.weight.base import Weight
 from spume.schemes.weight.inverse import Inverse
 
@@ -19,6 +20,13 @@ class Operator(Scheme):
     def radius(self, lattice: Lattice) -> float:
         """Return the effective radius [m]."""
         return self.re * lattice.spacing
+
+    def sums(self, lattice: Lattice) -> tuple[PairSum, ...]:
+        """Return what it sums over positions alone, at the start of a step.
+
+        A step makes such sums of several models in one pass; a model that asks `pair_sums` for its own finds them kept.
+        """
+        return ()
 
     def n0(self, lattice: Lattice) -> float:
         """Return the reference number density for this weight and radius [1]."""

@@ -1,9 +1,9 @@
 """The velocity's gradient, exact for linear fields, and what it says of the volume over a step."""
 
 from spume.lattice import Lattice
-from spume.pairs import Pairs, pair_sum, pair_term, row_map, row_term
+from spume.pairs import Pairs, pair_sum, pair_sums, pair_term, row_map, row_term
 from spume.particles import FLUID, WALL, Field, Particles
-from spume.schemes.correction import floored_correction_matrix
+from spume.schemes.correction import floored_inverse, second_moment_sum, symmetric_matrix
 from spume.schemes.divergence.base import mirrored
 from spume.schemes.operator import Operator
 
@@ -15,13 +15,13 @@ VELOCITY_GRADIENT = Field(
 )
 
 
-def _scaled(a, total, scale, mirror):  # type: ignore[no-untyped-def]
-    return scale * total
+def _corrected(a, total, scale, mirror, floor):  # type: ignore[no-untyped-def]
+    return scale * total @ floored_inverse(scale * symmetric_matrix(a.second_moment), floor)
 
 
-@pair_term(reads=("velocity", "kind", "to_surface", "correction"), shape=("d", "d"), finish=_scaled)
-def spread(a, b, r, w, scale, mirror):  # type: ignore[no-untyped-def]
-    return mirrored(a, b, mirror).outer_product(a.correction @ r) * (w / r.dot(r))
+@pair_term(reads=("velocity", "kind", "to_surface", "second_moment"), shape=("d", "d"), finish=_corrected)
+def spread(a, b, r, w, scale, mirror, floor):  # type: ignore[no-untyped-def]
+    return mirrored(a, b, mirror).outer_product(r) * (w / r.dot(r))
 
 
 @row_term(reads=("source", "predicted_gradient", "surface_share"))
@@ -34,20 +34,22 @@ def velocity_gradient(
 ) -> None:
     """Write ``predicted_gradient``, (grad u)_ab = d u_a/d x_b = d/n0 sum_j (u_j - u_i)_a (C_i r_ij)_b W/r^2 [1/s].
 
+    C_i = M_i^-1, the eigenvalues of M_i raised to ``floor`` at least. Near the surface too: a flat one leaves the
+    smallest eigenvalue at 0.5, which a floor up to that does not touch.
+
     Args:
         operator: gives weight and effective radius.
         mirror: see ``Divergence``; wall rows then have none.
-        floor: least eigenvalue of the inverse of C (`floored_correction_matrix`); another than the divergence's means
-            a second pass.
+        floor: least eigenvalue of the inverse of C; another than the divergence's means a second pass.
     """
     rows = FLUID if mirror else FLUID | WALL
     recipe, made_of = (operator.weight, operator.re, mirror, floor), ("position", "velocity")
     if particles.keeps("predicted_gradient", recipe, made_of):
         return
-    floored_correction_matrix(operator, lattice, particles, pairs, floor, rows)
+    pair_sums((second_moment_sum(operator, lattice, rows=rows),), particles, pairs)
     pair_sum(
         spread, particles, pairs, out="predicted_gradient", weight=operator.weight, re=operator.radius(lattice),
-        rows=rows, arguments=(lattice.dimension / operator.n0(lattice), float(mirror)),
+        rows=rows, arguments=(lattice.dimension / operator.n0(lattice), float(mirror), floor),
     )  # fmt: skip
     particles.keep("predicted_gradient", recipe, made_of)
 

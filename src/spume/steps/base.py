@@ -10,7 +10,7 @@ from pydantic import model_validator
 from spume import kernels
 from spume.domain import Domain
 from spume.named import Scheme
-from spume.pairs import pair_max, pair_term, row_map, row_term
+from spume.pairs import pair_sums, row_map, row_term
 from spume.particles import ANY, FLUID, WALL, Field, Particles
 from spume.pressure.base import Solver
 from spume.pressure.components import COMPONENT
@@ -29,6 +29,7 @@ from spume.schemes.laplacian.original import Original as OriginalLaplacian
 from spume.schemes.number_density.base import NumberDensity
 from spume.schemes.number_density.base import Original as OriginalNumberDensity
 from spume.schemes.operator import Operator
+from spume.schemes.relative_motion import RELATIVE_MOTION, relative_motion
 from spume.schemes.shifting.base import Shifting
 from spume.schemes.source.base import Source
 from spume.schemes.viscosity.base import Viscosity
@@ -119,18 +120,7 @@ def is_negative(a):  # type: ignore[no-untyped-def]
     return kernels.qd.cast(a.pressure < 0.0, kernels.i32)
 
 
-@pair_term(reads=("velocity", "kind", "to_surface"))
-def relative_motion(a, b, r, w):  # type: ignore[no-untyped-def]
-    difference = b.velocity - a.velocity
-    # What slides along a wall meets the same wall a spacing later.
-    towards = difference.dot(b.to_surface.normalized(1e-30))
-    return kernels.qd.select(b.kind == FLUID, difference.norm_sqr(), towards * towards)
-
-
 CLIPPED = Field("clipped", (), "1", "1 where a negative pressure was set to zero", int)
-
-
-RELATIVE_MOTION = Field("relative_motion", (), "m^2/s^2", "largest squared relative speed of a row and a neighbour")
 
 
 class Step(Scheme, family="step"):
@@ -178,11 +168,8 @@ class Step(Scheme, family="step"):
 
     def relative_speed(self, domain: Domain) -> float:
         """Return the largest relative speed of a fluid row and a neighbour [m/s]; against walls, of its normal part."""
-        particles, operator = domain.particles, self.number_density
-        pair_max(
-            relative_motion, particles, domain.pairs, out="relative_motion", weight=operator.weight,
-            re=operator.radius(domain.lattice),
-        )  # fmt: skip
+        particles = domain.particles
+        relative_motion(self.gradient, domain.lattice, particles, domain.pairs)
         return sqrt(max(particles.largest("relative_motion", FLUID), 0.0))
 
     def max_dt(self, domain: Domain, speed: float) -> float:
@@ -270,6 +257,12 @@ def nested(scheme: Scheme) -> Iterator[Scheme]:
         value = getattr(scheme, name)
         if isinstance(value, Scheme):
             yield from nested(value)
+
+
+def sum_positions(step: Step, domain: Domain) -> None:
+    """Make in one pass the sums over positions alone that the models of a step ask for where it starts."""
+    models = (step.number_density, step.wall_model, step.free_surface, step.divergence)
+    pair_sums([s for model in models for s in model.sums(domain.lattice)], domain.particles, domain.pairs)
 
 
 def accelerate(domain: Domain, t: float, dt: float) -> None:

@@ -5,7 +5,7 @@ from typing import ClassVar, Literal
 from spume.domain import Domain
 from spume.pairs import row_map
 from spume.particles import FLUID
-from spume.schemes.correction import CORRECTION
+from spume.schemes.correction import SECOND_MOMENT
 from spume.schemes.divergence.base import Divergence
 from spume.schemes.divergence.bounded import Bounded
 from spume.schemes.free_surface.base import SURFACE_SHARE, FreeSurface
@@ -32,6 +32,7 @@ from spume.steps.base import (
     corrected,
     moved,
     solve_pressure,
+    sum_positions,
     surface_pressure,
 )
 
@@ -47,7 +48,7 @@ class ProjectInPlace(Projection, name="project-in-place"):
     ids: ClassVar = ("A1",)
     reference: ClassVar = "cummins1999"
     instants: ClassVar = ("k",)
-    fields: ClassVar = (*Projection.fields, CORRECTION, VELOCITY_GRADIENT, SURFACE_SHARE)
+    fields: ClassVar = (*Projection.fields, SECOND_MOMENT, VELOCITY_GRADIENT, SURFACE_SHARE)
 
     number_density: NumberDensity = OriginalNumberDensity(weight=Quadratic())
     """Particle number density n."""
@@ -77,6 +78,7 @@ class ProjectInPlace(Projection, name="project-in-place"):
         with domain.stages("search"):
             removed = pairs.update(particles)
         with domain.stages("forces"):
+            sum_positions(self, domain)
             self.number_density(lattice, particles, pairs)
             self.wall_model.count_fluid(lattice, particles, pairs)
             self.free_surface(lattice, particles, pairs, self.number_density)

@@ -4,7 +4,7 @@ from typing import ClassVar
 
 from spume import kernels
 from spume.lattice import Lattice
-from spume.pairs import Pairs, PairView, pair_sum, pair_term, row_map, row_term
+from spume.pairs import Pairs, PairSum, PairView, pair_sums, pair_term, row_map, row_term
 from spume.particles import DUMMY, FLUID, SOLID, WALL, Field, Particles
 from spume.pressure.matrix import ABSENT, KNOWN, UNKNOWN
 from spume.schemes.operator import Operator
@@ -55,12 +55,13 @@ class WallModel(Operator, family="wall_model"):
     dummy_state: ClassVar[int] = ABSENT
     """State of dummy rows in the matrix."""
 
+    def sums(self, lattice: Lattice) -> tuple[PairSum, ...]:
+        """Return the count of fluid rows."""
+        return (PairSum((is_fluid,), ("fluid_neighbours",), self.weight, self.radius(lattice), rows=FLUID | WALL),)
+
     def count_fluid(self, lattice: Lattice, particles: Particles, pairs: Pairs) -> None:
         """Write ``fluid_neighbours`` of fluid and wall rows."""
-        pair_sum(
-            is_fluid, particles, pairs, out="fluid_neighbours", weight=self.weight, re=self.radius(lattice),
-            rows=FLUID | WALL,
-        )  # fmt: skip
+        pair_sums(self.sums(lattice), particles, pairs)
 
     def states(self, particles: Particles, surface_known: bool = True) -> None:
         """Write ``row_state`` of every row; ``surface_known``: rows on the free surface have a known pressure."""

@@ -84,17 +84,17 @@ class Neumann(WallModel, name="neumann"):
             weight=self.weight, re=self.radius(lattice), rows=WALL, over=FLUID,
         )  # fmt: skip
         row_map(mean_pressure, particles, out="pressure", rows=WALL)
-        _extrapolation_kernel(particles.dimension)(
+        _extrapolation_kernel(particles.dimension, kernels.light(particles.active))(
             particles["kind"], particles["master"], particles["position"], particles["wall_gradient"],
             particles["fluid_weight"], particles["pressure"], particles.rows_by_id(), particles.active,
         )  # fmt: skip
 
 
 @kernels.cached
-def _extrapolation_kernel(d: int):  # type: ignore[no-untyped-def]
+def _extrapolation_kernel(d: int, serial: bool):  # type: ignore[no-untyped-def]
     Vectors = kernels.array_type(kernels.vector(d))
     Rows, Reals = kernels.array_type(kernels.i32), kernels.array_type(kernels.runtime().real)
-    serial, qd = kernels.runtime().serial, kernels.qd
+    qd = kernels.qd
 
     @kernels.kernel
     def extrapolate(

@@ -86,7 +86,7 @@ def image_velocities(operator: Operator, lattice: Lattice, particles: Particles,
     row_map(
         fitted_gradient, particles, out="near_gradient", rows=WALL, arguments=(1e-3 * lattice.spacing**2,)
     )  # fmt: skip
-    _image_kernel(particles.dimension)(
+    _image_kernel(particles.dimension, kernels.light(particles.active))(
         particles["kind"], particles["slip"], particles["master"], particles["position"], particles["to_surface"],
         particles["velocity"], particles["wall_velocity"], particles["near_weight"], particles["near_offset"],
         particles["near_velocity"], particles["near_gradient"], particles["slip_velocity"],
@@ -95,11 +95,11 @@ def image_velocities(operator: Operator, lattice: Lattice, particles: Particles,
 
 
 @kernels.cached
-def _image_kernel(d: int):  # type: ignore[no-untyped-def]
+def _image_kernel(d: int, serial: bool):  # type: ignore[no-untyped-def]
     real = kernels.runtime().real
     Vectors, Rows, Reals = (kernels.array_type(t) for t in (kernels.vector(d), kernels.i32, real))
     Tensors = kernels.array_type(kernels.value_type((d, d)))
-    serial, qd = kernels.runtime().serial, kernels.qd
+    qd = kernels.qd
 
     @kernels.kernel
     def images(

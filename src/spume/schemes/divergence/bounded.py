@@ -5,9 +5,9 @@ from typing import ClassVar
 from pydantic import Field as Parameter
 
 from spume.lattice import Lattice
-from spume.pairs import Pairs, row_map, row_term
+from spume.pairs import Pairs, PairSum, row_map, row_term
 from spume.particles import FLUID, WALL, Particles
-from spume.schemes.correction import CORRECTION
+from spume.schemes.correction import SECOND_MOMENT, second_moment_sum
 from spume.schemes.divergence.base import Divergence
 from spume.schemes.velocity_gradient import FLOOR, VELOCITY_GRADIENT, velocity_gradient
 
@@ -29,10 +29,14 @@ class Bounded(Divergence, name="bounded"):
 
     reference: ClassVar = "khayyer2011"
     order: ClassVar = 0
-    needs: ClassVar = (CORRECTION, VELOCITY_GRADIENT)
+    needs: ClassVar = (SECOND_MOMENT, VELOCITY_GRADIENT)
 
     floor: float = Parameter(default=FLOOR, gt=0.0, le=1.0)
     """Least eigenvalue of the matrix that is inverted [1]."""
+
+    def sums(self, lattice: Lattice) -> tuple[PairSum, ...]:
+        """Return the second moment of the neighbours of fluid rows."""
+        return (second_moment_sum(self, lattice),)
 
     def __call__(self, lattice: Lattice, particles: Particles, pairs: Pairs, out: str, mirror: bool = False) -> None:
         """Write the divergence of ``velocity`` [1/s] at fluid and wall rows into ``out``."""

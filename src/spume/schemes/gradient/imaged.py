@@ -5,39 +5,45 @@ from typing import ClassVar
 from pydantic import Field as Parameter
 
 from spume.lattice import Lattice
-from spume.pairs import Pairs, PairView, pair_sum, pair_term
+from spume.pairs import Pairs, PairView, pair_sum, pair_sums, pair_term
 from spume.particles import ANY, Particles
-from spume.schemes.correction import CORRECTION, floored_inverse
-from spume.schemes.crowding import CROWDING, crowding_vector
-from spume.schemes.free_surface.base import SURFACE_SHARE
+from spume.schemes.correction import SECOND_MOMENT, floored_inverse, second_moment_sum, symmetric_matrix
 from spume.schemes.gradient.base import Gradient
-from spume.schemes.gradient.completed import difference
+from spume.schemes.surface_images import IMAGE_FIELDS, surface_images
 
 
-def _inverse(a, total, scale, floor, l0):  # type: ignore[no-untyped-def]
-    images = (a.surface_share * l0 / max(a.crowding.norm(), 1e-9 / l0)) * a.crowding.outer_product(a.crowding)
-    return floored_inverse(scale * total + images, floor)
+def _corrected(a, total, scale, floor, tiny):  # type: ignore[no-untyped-def]
+    matrix = scale * symmetric_matrix(a.second_moment)
+    total *= scale
+    if a.surface_share > 0.0:
+        length = 2.0 * a.surface_share * a.surface_distance / max(a.images.norm(), tiny)
+        matrix += length * a.images.outer_product(a.images)
+        total += 2.0 * a.surface_share * a.value * a.images
+    return floored_inverse(matrix, floor) @ total
 
 
-@pair_term(reads=("surface_share", "crowding"), shape=("d", "d"), finish=_inverse)
-def imaged_moment(a, b, r, w, scale, floor, l0):  # type: ignore[no-untyped-def]
-    return r.outer_product(r) * (w / r.dot(r))
+@pair_term(
+    reads=("value", "second_moment", "surface_share", "images", "surface_distance"), shape=("d",), finish=_corrected
+)
+def difference(a, b, r, w, scale, floor, tiny):  # type: ignore[no-untyped-def]
+    return (b.value - a.value) * (w / r.dot(r)) * r
 
 
 class Imaged(Gradient, name="imaged"):
-    """<grad P>_i = C_i [d/n0 sum_j (P_j - P_i) W r_ij/r^2 + 2 theta_i P_i s_i], s_i = d/n0 sum_j W r_ij/r^2.
+    """<grad P>_i = C_i [d/n0 sum_j (P_j - P_i) W r_ij/r^2 + 2 theta_i P_i b_i].
 
-    C_i = [M_i + theta_i l0 s_i (x) s_i/|s_i|]^-1 with theta_i the row's share in the free surface, eigenvalues of
-    the bracket ``floor`` at least. The images beyond the surface, at -s_i all together, have the pressure that
-    vanishes at l0/2 outside and goes on with the slope 2 P_i/l0. Exact for linear fields on any arrangement inside
-    the fluid, and for those that vanish there on any arrangement of its surface, so that
-    rows of a surface that is stretched or crowded are still held. The same images as those of the
-    ``free_surface`` of that name. ``completed`` takes what is missing of the lattice instead. (This project.)
+    C_i = [M_i + 2 theta_i delta_i b_i (x) b_i/|b_i|]^-1 with theta_i the row's share in the free surface, b_i the
+    vector of its images, delta_i its distance from the surface (`surface_images`), and eigenvalues of
+    the bracket ``floor`` at least. The images, at -b_i all together, have the pressure that vanishes at delta_i
+    outside and goes on with the slope P_i/delta_i. Exact for linear fields on any arrangement inside the fluid, and for
+    those that vanish there on any arrangement of its surface, so that rows of a surface that is stretched or crowded
+    are still held. The same images as those of the ``free_surface`` of that name. ``completed`` takes what is missing
+    of the lattice instead. (This project.)
     """
 
     reference: ClassVar = "liu2018"
     order: ClassVar = 0
-    needs: ClassVar = (CORRECTION, SURFACE_SHARE, CROWDING)
+    needs: ClassVar = (SECOND_MOMENT, *IMAGE_FIELDS)
     completes: ClassVar = True
 
     floor: float = Parameter(default=0.3, gt=0.0, le=1.0)
@@ -49,13 +55,10 @@ class Imaged(Gradient, name="imaged"):
         dt: float = 0.0, moved: bool = True,
     ) -> None:  # fmt: skip
         """Write the gradient of ``phi`` at fluid rows into ``out``."""
-        crowding_vector(self, lattice, particles, pairs)
-        scale = lattice.dimension / self.n0(lattice)
-        pair_sum(
-            imaged_moment, particles, pairs, out="correction", weight=self.weight, re=self.radius(lattice), over=over,
-            arguments=(scale, self.floor, lattice.spacing),
-        )  # fmt: skip
+        surface_images(self, lattice, particles, pairs)
+        pair_sums((second_moment_sum(self, lattice, over),), particles, pairs)
         pair_sum(
             difference, particles, pairs, out=out, weight=self.weight, re=self.radius(lattice), over=over,
-            arguments=(scale,), fields={"value": phi}, view=view,
+            arguments=(lattice.dimension / self.n0(lattice), self.floor, 1e-9 / lattice.spacing), fields={"value": phi},
+            view=view,
         )  # fmt: skip

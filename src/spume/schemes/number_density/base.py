@@ -3,7 +3,7 @@
 from typing import ClassVar
 
 from spume.lattice import Lattice
-from spume.pairs import Pairs, pair_sum, pair_term
+from spume.pairs import Pairs, PairSum, pair_sums, pair_term
 from spume.particles import FLUID, WALL, Particles
 from spume.schemes.operator import Operator
 
@@ -27,9 +27,10 @@ class Original(NumberDensity, name="original"):
     ids: ClassVar = ("A2",)
     reference: ClassVar = "koshizuka1996"
 
+    def sums(self, lattice: Lattice) -> tuple[PairSum, ...]:
+        """Return the sum of the weights."""
+        return (PairSum((weight_of_pair,), ("number_density",), self.weight, self.radius(lattice), rows=FLUID | WALL),)
+
     def __call__(self, lattice: Lattice, particles: Particles, pairs: Pairs) -> None:
         """Write ``number_density`` of fluid and wall rows."""
-        pair_sum(
-            weight_of_pair, particles, pairs, out="number_density", weight=self.weight,
-            re=self.radius(lattice), rows=FLUID | WALL,
-        )  # fmt: skip
+        pair_sums(self.sums(lattice), particles, pairs)

@@ -4,37 +4,45 @@ from typing import Any, ClassVar
 
 from pydantic import Field as Parameter
 
+from spume.kernels import sqrt
 from spume.lattice import Lattice
 from spume.pairs import Pairs, row_map, row_term
 from spume.particles import FLUID, Particles
 from spume.schemes.crowding import CROWDING, crowding_vector
 from spume.schemes.normal import NORMAL_FIELDS, surface_normals
+from spume.schemes.relative_motion import RELATIVE_MOTION, relative_motion
 from spume.schemes.shifting.base import advective_diffusivity
 from spume.schemes.shifting.classes import limited, tangential
 from spume.schemes.shifting.fickian import Fickian
 
 
-@row_term(reads=("crowding", "surface_share", "surface_normal", "number_density"))
-def shift(a, coefficient, spray, supported, largest):  # type: ignore[no-untyped-def]
-    along = tangential(a.crowding, a.surface_normal)
-    share = a.surface_share * min(max((a.number_density - spray) / max(supported - spray, 1e-6), 0.0), 1.0)
-    return limited(-coefficient * ((1.0 - a.surface_share) * a.crowding + share * along), largest)
+@row_term(reads=("crowding", "surface_share", "surface_normal", "number_density", "relative_motion"))
+def shift(a, constant, relative, spray, supported, largest):  # type: ignore[no-untyped-def]
+    move = (1.0 - a.surface_share) * a.crowding
+    if a.surface_share > 0.0:
+        share = a.surface_share * min(max((a.number_density - spray) / max(supported - spray, 1e-6), 0.0), 1.0)
+        move += share * tangential(a.crowding, a.surface_normal)
+    return limited(-min(constant, relative * sqrt(a.relative_motion)) * move, largest)
 
 
 class FickianAlongSurface(Fickian, name="fickian-along-surface"):
-    """delta r_i = -D [(1 - theta_i) I + theta_i beta_i (I - n_i n_i)] s_i, s_i = d/n0 sum_j W r_ij/r^2.
+    """delta r_i = -D_i [(1 - theta_i) I + theta_i beta_i (I - n_i n_i)] s_i, s_i = d/n0 sum_j W r_ij/r^2.
 
     ``fickian`` inside, along the surface on it: rows of a surface that keep their places crowd there in pairs,
     which pushes one of each out of the water. n is the renormalised normal; beta falls from 1 to 0
     between 0.65 and 0.5 n0, for spray has no surface to go along. No row is sorted into classes, so none
-    jumps. D as for ``fickian``. Conserves nothing, as it moves rows without their reaction. (This project; Xu
-    2009 with the tangential part of Lind 2012.)
+    jumps. D_i is that of ``fickian``, but at most A l0 max_j |u_j - u_i| dt: rows that do not move against each other
+    do not become disordered, and water that is almost at rest, shifted at each step all the same, sinks into
+    itself by a part of a thousand and feeds its waves. Conserves nothing, as it moves rows without their reaction.
+    (This project; Xu 2009 with the tangential part of Lind 2012.)
     """
 
     ids: ClassVar[tuple[str, ...]] = ()
     reference: ClassVar = "lind2012"
-    needs: ClassVar = (*Fickian.needs, CROWDING, *NORMAL_FIELDS)
+    needs: ClassVar = (*Fickian.needs, CROWDING, RELATIVE_MOTION, *NORMAL_FIELDS)
 
+    relative: float = Parameter(default=5.0, ge=0.0)
+    """Coefficient of the limit A l0 max_j |u_j - u_i| dt of D_i, by how far neighbours move against each other [1]."""
     spray: float = Parameter(default=0.5, ge=0.0, lt=1.0)
     """Fraction of n0 up to which a surface row is spray, which is not shifted [1]."""
     supported: float = Parameter(default=0.65, gt=0.0, le=1.0)
@@ -44,11 +52,15 @@ class FickianAlongSurface(Fickian, name="fickian-along-surface"):
         """Shift ``position`` of fluid rows; ``shift`` keeps the displacement."""
         constant = self.strength * lattice.spacing**2
         coefficient = advective_diffusivity(self, self.advective, constant, lattice, particles, dt)
+        relative_motion(self, lattice, particles, pairs)
         crowding_vector(self, lattice, particles, pairs)
-        surface_normals(self, lattice, particles, pairs)
+        surface_normals(self, lattice, particles, pairs, where="surface_share")
         n0 = number_density.n0(lattice)
         row_map(
             shift, particles, out="shift", rows=FLUID,
-            arguments=(coefficient, self.spray * n0, self.supported * n0, self.largest * lattice.spacing),
+            arguments=(
+                coefficient, self.relative * lattice.spacing * dt,
+                self.spray * n0, self.supported * n0, self.largest * lattice.spacing,
+            ),
         )  # fmt: skip
         self.shift(lattice, particles, pairs)

@@ -4,6 +4,7 @@ from typing import Any, ClassVar
 
 from pydantic import Field as Parameter
 
+from spume.kernels import qd
 from spume.lattice import Lattice
 from spume.pairs import Pairs, pair_sum, pair_term, row_map, row_term
 from spume.particles import FLUID, WALL, Field, Particles
@@ -19,6 +20,13 @@ _AROUND = (
 @row_term(reads=("number_density", "surface_share"))
 def own_error(a, n0):  # type: ignore[no-untyped-def]
     return volume_error(a.number_density, n0, a.surface_share)
+
+
+@row_term(reads=("number_density", "images_density", "surface_share"))
+def own_error_with_images(a, n0):  # type: ignore[no-untyped-def]
+    # What images add is a guess on the surface itself; more neighbours than the lattice has are none.
+    completed = (1.0 - a.surface_share) * (a.number_density + a.images_density - n0) / n0
+    return qd.select(a.number_density > n0, max(a.number_density / n0 - 1.0, completed), completed)
 
 
 @pair_term(reads=("volume_error",))
@@ -71,6 +79,8 @@ class DivergenceDensity(Source, name="divergence-density"):
         divergence(lattice, particles, pairs, out="divergence", mirror=mirror)
         n0 = number_density.n0(lattice)
         row_map(own_error, particles, out="volume_error", rows=FLUID | WALL, arguments=(n0,))
+        if "images_density" in particles.fields:  # of a free surface with images
+            row_map(own_error_with_images, particles, out="volume_error", rows=FLUID, arguments=(n0,))
         if self.smoothed:
             pair_sum(
                 (error_of_neighbour, weight_of_neighbour), particles, pairs, out=("error_around", "weight_around"),

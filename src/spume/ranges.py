@@ -1,0 +1,137 @@
+"""The lists of near rows, written from rows in cell order.
+
+Cells are narrow along x, where rows of neighbouring cells follow each other in the table, and as wide as the search
+radius across it. A row's neighbours lie in 3 (2D) or 9 (3D) rows of cells; of each it looks through the range that the
+sphere around it leaves, half of what whole cells of the search radius would hold.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from spume import kernels
+from spume.particles import FLUID, WALL
+
+LISTED = FLUID | WALL
+"""Kinds of rows that own a list; dummy rows appear only as neighbours."""
+
+CELLS_PER_REACH = (4, 1, 1)
+"""Cells are this many times smaller than the search radius along each axis."""
+
+_MARGIN = 0.01
+"""Part of a cell by which a range along x is longer than it need be, for rounding."""
+
+_MANY_BLOCKS = 512
+
+
+@kernels.cached
+def list_kernel(d: int, periodic: tuple[bool, ...]) -> Any:
+    """Generate the kernel that writes the lists from rows in cell order."""
+    axes, spread, real = range(d), kernels.spread(_MANY_BLOCKS), kernels.runtime().real
+    parameters = [f"origin{k}: real" for k in axes] + [f"size{k}: real" for k in axes]
+    parameters += [f"shape{k}: qd.i32" for k in axes] + [f"period{k}: real" for k in axes]
+    ranges = 3 ** (d - 1) * (2 if periodic[0] else 1)
+    row_of_cells = "shape0 * n1" if d == 2 else "shape0 * (n1 + shape1 * n2)"
+    body = [
+        f"c{k} = qd.min(qd.max(qd.cast(qd.floor((x[{k}] - origin{k}) / size{k}), qd.i32), 0), shape{k} - 1)"
+        for k in range(1, d)
+    ]
+    body += ["low = Ranges(0)", "high = Ranges(0)", "found = 0"]
+    # All ranges are found before any is walked: the ends of short loops are never foreseen, what follows then waits.
+    for offsets in np.ndindex(*(3,) * (d - 1)):
+        body.append("square = reach * reach")
+        inside = []
+        for k, offset in enumerate(reversed(offsets), 1):
+            m = f"(c{k} + {offset - 1})"
+            body.append(f"n{k} = {f'({m} + shape{k}) % shape{k}' if periodic[k] else m}")
+            if not periodic[k]:
+                inside.append(f"n{k} >= 0 and n{k} < shape{k}")
+            # How far the nearest face of those cells is; rows outside the grid lie behind the cells that count them.
+            if offset != 1:
+                face = f"x[{k}] - origin{k} - c{k} * size{k}" if offset == 0 else f"origin{k} + {m} * size{k} - x[{k}]"
+                body += [f"away = qd.max({face}, 0.0)", "square -= away * away"]
+        body += [
+            f"if {' and '.join([*inside, 'square > 0'])}:",
+            f"    base = {row_of_cells}",
+            f"    along = qd.sqrt(square) + {_MARGIN} * size0",
+            "    c = qd.cast(qd.floor((x[0] - along - origin0) * per0), qd.i32)",
+            "    e = qd.cast(qd.floor((x[0] + along - origin0) * per0), qd.i32) + 1",
+        ]
+        if periodic[0]:
+            body += [
+                "    e = qd.min(e, c + shape0)",
+                "    low[found] = cell_start[base + qd.max(c, 0)]",
+                "    high[found] = cell_start[base + qd.min(e, shape0)]",
+                "    found += 1",
+                "    if c < 0 or e > shape0:",
+                "        low[found] = cell_start[base + qd.select(c < 0, c + shape0, 0)]",
+                "        high[found] = cell_start[base + qd.select(c < 0, shape0, e - shape0)]",
+                "        found += 1",
+            ]
+        else:
+            # Rows outside the grid are counted into its border cells.
+            body += [
+                "    low[found] = cell_start[base + qd.max(qd.min(c, shape0 - 1), 0)]",
+                "    high[found] = cell_start[base + qd.min(qd.max(e, 1), shape0)]",
+                "    found += 1",
+            ]
+    walk = [
+        "for j in range(head, tail):",
+        "    r = position[j] - x",
+        *[f"    r[{k}] -= period{k} * qd.round(r[{k}] / period{k})" for k in axes if periodic[k]],
+        # Written without a branch: one candidate in four is near, which no branch predictor can guess.
+        "    neighbour[base_slot + {used}] = j",
+        "    used += qd.cast(r.dot(r) < reach * reach, qd.i32)",
+    ]
+    body += [
+        "for q in range(found):",
+        # The row itself is no neighbour: where it lies in a range, that is walked in two halves.
+        "    halves = qd.select((low[q] <= i) & (i < high[q]), 2, 1)",
+        "    for half in range(halves):",
+        "        head = qd.select(half == 1, i + 1, low[q])",
+        "        tail = qd.select(half + 1 < halves, i, high[q])",
+        "        if used + tail - head <= slots:",
+        *[f"            {line.format(used='used')}" for line in walk],
+        "        else:",
+        *[f"            {line.format(used='qd.min(used, slots - 1)')}" for line in walk],
+    ]
+    lines = [
+        "def fill(position: Vectors, kind: Rows, cell_start: Rows, start: Starts, length: Rows, fluid: Rows,",
+        "         neighbour: Rows, flag: Rows, begin: qd.i32, end: qd.i32, rows_per_block: qd.i32, slots: qd.i32,",
+        f"         reach: real, {', '.join(parameters)}):",
+        "    qd.loop_config(serialize=serial)",
+        f"    for t in range((end - begin + rows_per_block - 1) // rows_per_block * {spread}):",
+        f"        block = t // {spread}",
+        "        first = qd.cast(block, qd.i64) * slots",
+        "        base_slot = qd.cast(first, qd.i32)",
+        "        per0 = 1.0 / size0",
+        "        used = 0",
+        "        beyond = qd.min(begin + (block + 1) * rows_per_block, end)",
+        f"        for i in range(begin + block * rows_per_block, qd.select(t % {spread} == 0, beyond, 0)):",
+        "            before = used",
+        "            start[i] = first + used",
+        "            length[i] = 0",
+        "            fluid[i] = 0",
+        f"            if kind[i] & {LISTED} != 0:",
+        "                x = position[i]",
+        *["                " + line for line in body],
+        # Fluid neighbours first, by swaps without a branch.
+        "                front = base_slot + qd.min(before, slots - 1)",
+        "                for k in range(front, base_slot + qd.min(used, slots)):",
+        "                    j = neighbour[k]",
+        "                    neighbour[k] = neighbour[front]",
+        "                    neighbour[front] = j",
+        f"                    front += kind[j] & {FLUID}",
+        "                fluid[i] = front - base_slot - qd.min(before, slots - 1)",
+        # A wall row that sees no fluid takes part in nothing: its list is dropped.
+        f"                if kind[i] & {FLUID} == 0 and fluid[i] == 0:",
+        "                    used = before",
+        "                length[i] = qd.min(used, slots) - qd.min(before, slots)",
+        "        if used > slots:",
+        "            qd.atomic_max(flag[0], used)",
+    ]
+    return kernels.compiled(
+        "fill", "\n".join(lines) + "\n", Vectors=kernels.array_type(kernels.vector(d)),
+        Rows=kernels.array_type(kernels.i32), Starts=kernels.array_type(kernels.i64), real=real,
+        serial=kernels.runtime().serial, Ranges=kernels.qd.types.vector(ranges, kernels.i32),
+    )  # fmt: skip

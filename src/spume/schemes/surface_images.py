@@ -1,0 +1,175 @@
+"""The images of the fluid beyond its free surface: on which side of a row they lie, and how far away the surface is."""
+
+import functools
+from math import log
+from typing import Any
+
+from spume import kernels
+from spume.kernels import qd
+from spume.lattice import Lattice
+from spume.pairs import Pairs, pair_sum, pair_term, row_map, row_term
+from spume.particles import FLUID, Field, Particles
+from spume.schemes.correction import squares, symmetric_matrix
+from spume.schemes.crowding import CROWDING, crowding_vector, half_lattice
+from spume.schemes.free_surface.base import SURFACE_SHARE
+from spume.schemes.operator import Operator
+
+IMAGES = Field("images", ("d",), "1/m", "minus d/n0 sum of W r/r^2 over the images beyond the surface")
+SURFACE_DISTANCE = Field("surface_distance", (), "m", "distance of a row from the free surface")
+IMAGES_DENSITY = Field("images_density", (), "1", "what the images beyond the surface add to the number density")
+IMAGE_FIELDS = (
+    CROWDING, SURFACE_SHARE, IMAGES, SURFACE_DISTANCE,
+    Field("fluid_crowding", ("d",), "1/m", "crowding of the fluid alone", scratch="images"),
+    Field("fluid_moment", ("symmetric",), "1", "d/n0 sum of W r (x) r/r^2 over the fluid alone", scratch="images"),
+    Field("wall_side", ("d",), "1", "d/n0 sum of W over solid rows, times the normal of their wall", scratch="images"),
+    Field("distance_around", (), "m", "sum of W theta times the distance over neighbours", scratch="images"),
+    Field("share_around", (), "1", "sum of W theta over neighbours", scratch="images"),
+)  # fmt: skip
+
+_LEAST, _LARGEST = 0.25, 0.75
+"""Limits of the distance, as multiples of l0: beyond them a row is no part of a stretched surface."""
+
+
+def _scaled(a, total, scale):  # type: ignore[no-untyped-def]
+    return scale * total
+
+
+@pair_term(reads=("kind",), shape=("d",), finish=_scaled)
+def towards_fluid(a, b, r, w, scale):  # type: ignore[no-untyped-def]
+    return qd.select(b.kind == FLUID, w / r.dot(r), 0.0) * r
+
+
+@pair_term(reads=("kind",), shape=("symmetric",), finish=_scaled)
+def moment_of_fluid(a, b, r, w, scale):  # type: ignore[no-untyped-def]
+    return qd.select(b.kind == FLUID, w / r.dot(r), 0.0) * squares(r)
+
+
+@pair_term(reads=("kind", "to_surface"), shape=("d",), finish=_scaled)
+def away_from_walls(a, b, r, w, scale):  # type: ignore[no-untyped-def]
+    return qd.select(b.kind == FLUID, 0.0, w) * b.to_surface.normalized(1e-30)
+
+
+@row_term(reads=("crowding", "fluid_crowding", "wall_side"))
+def image_vector(a, half):  # type: ignore[no-untyped-def]
+    away = a.wall_side.normalized(1e-30)
+    share = min(max(a.fluid_crowding.dot(away) / half, 0.0), 1.0)
+    return a.crowding - share * a.crowding.dot(away) * away
+
+
+@row_term(reads=("images", "fluid_crowding", "fluid_moment"))
+def own_distance(a, l0, flat, usual, power, least, largest):  # type: ignore[no-untyped-def]
+    inward = a.images / max(a.images.norm(), 1e-9 / l0)
+    # A little of the flat surface of the lattice decides where no neighbour lies behind.
+    depth = inward.dot(symmetric_matrix(a.fluid_moment) @ inward) + 0.05 * flat * usual * l0
+    ratio = depth / (max(a.fluid_crowding.dot(inward), 0.0) + 0.05 * flat) / (usual * l0)
+    return l0 * min(max(0.5 * ratio**power, least), largest)
+
+
+@pair_term(reads=("surface_distance", "surface_share"))
+def distance_of_neighbour(a, b, r, w):  # type: ignore[no-untyped-def]
+    # A row inside the fluid has no distance.
+    return qd.select(b.surface_share > 0.0, w * b.surface_share * b.surface_distance, 0.0)
+
+
+@pair_term(reads=("surface_share",))
+def share_of_neighbour(a, b, r, w):  # type: ignore[no-untyped-def]
+    return w * b.surface_share
+
+
+@row_term(reads=("surface_distance", "distance_around", "share_around"))
+def mean_distance(a, own):  # type: ignore[no-untyped-def]
+    return (own * a.surface_distance + a.distance_around) / (own + a.share_around)
+
+
+@kernels.cached
+def _density_of_images(weight: Any) -> Any:
+    """Return the term of n that the images bring, for a weight function."""
+
+    def own_image(a, total, re):  # type: ignore[no-untyped-def]
+        result = total
+        away = 2.0 * a.surface_distance
+        if a.surface_share > 0.0 and away < re:
+            result += a.surface_share * weight(away, re)
+        return result
+
+    @pair_term(reads=("images", "surface_share", "surface_distance"), finish=own_image)
+    def density_of_image(a, b, r, w, re):  # type: ignore[no-untyped-def]
+        result = 0.0 * w
+        if b.surface_share > 0.0:
+            away = (r - 2.0 * b.surface_distance * b.images.normalized(1e-30)).norm()
+            if away < re:
+                result = b.surface_share * weight(away, re)
+        return result
+
+    return density_of_image
+
+
+def density_of_images(number_density: Operator, lattice: Lattice, particles: Particles, pairs: Pairs) -> None:
+    """Write ``images_density``, what the images add to n: sum_j theta_j W(|r_ij - 2 delta_j n_j|), j = i included.
+
+    The row below the surface misses neighbours too, the fewer the further apart the rows are: without the images it
+    seems crowded under a crest and the source drives it apart there, which makes waves grow.
+    """
+    re = number_density.radius(lattice)
+    pair_sum(
+        _density_of_images(number_density.weight.function()), particles, pairs, out="images_density",
+        weight=number_density.weight, re=re, over=FLUID, arguments=(re,),
+    )  # fmt: skip
+
+
+@functools.cache
+def flat_surface(weight: Any, re: float, dimension: int) -> tuple[float, float, float]:
+    """Return l0 |s|, (n.M n)/(l0 |s|) and the power of the stretch that the latter grows with, for a flat surface [1].
+
+    s = d/n0 sum W r/r^2 and M = d/n0 sum W r (x) r/r^2 over the neighbours of a row on the flat surface of the lattice,
+    stretched along the normal n by a factor at constant volume.
+    """
+
+    def ratio(stretch: float) -> tuple[float, float]:
+        r, length, scale = half_lattice(weight, re, dimension, stretch)
+        w = scale * weight.values(length, re) / length**2
+        lean = float((w * -r[:, -1]).sum())
+        return lean, float((w * r[:, -1] ** 2).sum()) / lean
+
+    lean, usual = ratio(1.0)
+    growth = log(ratio(1.02)[1] / ratio(0.98)[1]) / log(1.02 / 0.98)
+    return lean, usual, growth
+
+
+def surface_images(operator: Operator, lattice: Lattice, particles: Particles, pairs: Pairs) -> None:
+    """Write ``images`` b_i [1/m] and ``surface_distance`` delta_i [m] of the fluid rows on the surface, theta_i > 0.
+
+    b_i = s_i - beta_i (s_i . m_i) m_i with s_i = d/n0 sum_j W r_ij/r^2 over every neighbour and m_i the direction
+    of the walls' normals around the row. A wall goes on above the water, and its rows up there pull s_i
+    towards it; where the fluid lies on the wall's open side, beta_i = f_i . m_i/(|s|/2) in 0 … 1, f_i that sum over the
+    fluid and |s| that of a flat surface, the surface meets the wall and its normal lies along it.
+
+    delta_i is l0/2 times the stretch of the arrangement along b_i, which (n . M n)/(n . f) tells, n = b_i/|b_i| and
+    M = d/n0 sum_j W r (x) r/r^2 over the fluid; the mean over a row and its neighbours on the surface, between
+    l0/4 and 3 l0/4. Under a crest rows are further apart: with delta = l0/2 everywhere the surface would be too low
+    there, and a wave of wavenumber k in water of depth h would have a period longer by k l0/4 coth(kh).
+    (This project.)
+    """
+    recipe = (operator.weight, operator.re)
+    if particles.keeps("images", recipe, ("position", "surface_share")):
+        return
+    crowding_vector(operator, lattice, particles, pairs)
+    radius, scale, l0 = operator.radius(lattice), lattice.dimension / operator.n0(lattice), lattice.spacing
+    pair_sum(
+        (towards_fluid, moment_of_fluid, away_from_walls), particles, pairs,
+        out=("fluid_crowding", "fluid_moment", "wall_side"), weight=operator.weight, re=radius, arguments=(scale,),
+        where="surface_share",
+    )  # fmt: skip
+    flat, usual, growth = flat_surface(operator.weight, operator.re, lattice.dimension)
+    row_map(image_vector, particles, out="images", arguments=(0.5 * flat / l0,), where="surface_share")
+    row_map(
+        own_distance, particles, out="surface_distance", where="surface_share",
+        arguments=(l0, flat / l0, usual, 1.0 / growth, _LEAST, _LARGEST),
+    )  # fmt: skip
+    pair_sum(
+        (distance_of_neighbour, share_of_neighbour), particles, pairs, out=("distance_around", "share_around"),
+        weight=operator.weight, re=radius, over=FLUID, where="surface_share",
+    )  # fmt: skip
+    nearest = float(operator.weight.values(1.0, operator.re))
+    row_map(mean_distance, particles, out="surface_distance", arguments=(nearest,), where="surface_share")
+    particles.keep("images", recipe, ("position", "surface_share"))
