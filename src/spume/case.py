@@ -47,7 +47,7 @@ class Time(Parameters):
     """Largest time step [s]; default: no limit but the others'."""
     courant: Annotated[float, Field(gt=0, le=1)] = 0.2
     """Courant number: the part of a spacing by which two neighbours move against each other in a step [1]."""
-    travel: Annotated[float, Field(gt=0, le=2)] = 1.0
+    travel: Annotated[float, Field(gt=0, le=2)] = 0.5
     """Largest way of a particle in a step, as a multiple of the spacing [1]."""
 
 

@@ -28,7 +28,7 @@ class Clock:
 
     end: float
     courant: float = 0.2
-    travel: float = 1.0
+    travel: float = 0.5
     step_max: float = inf
     time: float = 0.0
     step: int = 0

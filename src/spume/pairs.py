@@ -109,6 +109,25 @@ class PairSum:
         return tuple(dict.fromkeys(("position", *(n for term in self.terms for n in term.reads))))
 
 
+@dataclass(frozen=True)
+class RowMap:
+    """One term per row that is yet to be written, with what `row_map` would be told.
+
+    Attributes:
+        term: the term.
+        out: field that receives it.
+        rows: kinds of the rows that get one.
+        arguments: numbers handed to the term.
+        where: name of a scalar field that is positive at the rows that get one.
+    """
+
+    term: RowTerm
+    out: str
+    rows: int = FLUID
+    arguments: tuple[float, ...] = ()
+    where: str = ""
+
+
 def row_term(reads: Sequence[str] = ()) -> Callable[[Callable[..., Any]], RowTerm]:
     """Declare a formula ``term(a, *arguments)`` for single rows."""
     return lambda formula: RowTerm(kernels.func(formula), tuple(reads))
@@ -245,14 +264,24 @@ def row_map(
 
     Solid rows that no fluid is near are left out, unless ``dry`` asks for them.
     """
+    _map((RowMap(term, out, rows, tuple(arguments), where),), particles, fields or {}, dry)
+
+
+def row_maps(maps: Sequence[RowMap], particles: Particles) -> None:
+    """Write several terms in one loop over the rows: each reads what those before it wrote to its row."""
+    _map(tuple(maps), particles, {}, dry=False)
+
+
+def _map(maps: tuple[RowMap, ...], particles: Particles, behind: Mapping[str, str], dry: bool) -> None:
     count = particles.count if dry else particles.active
-    behind = fields or {}
-    signature = _signature(particles, (*term.reads, out), behind)
-    kernel = _row_kernel(term, out, rows, signature, len(arguments), kernels.light(count), bool(where))
-    inputs = [*([particles[where]] if where else []), *[particles[behind.get(n, n)] for n in term.reads]]
-    kernel(particles["kind"], *inputs, particles[out], count, *arguments)
-    particles.written(out)
-    particles.traffic += count * particles.row_bytes(("kind", *(behind.get(n, n) for n in term.reads), out))
+    names = tuple(dict.fromkeys(n for m in maps for n in (*m.term.reads, m.out, *([m.where] if m.where else []))))
+    parts = tuple((m.term, m.out, m.rows, len(m.arguments), m.where) for m in maps)
+    kernel = _row_kernel(parts, _signature(particles, names, behind), kernels.light(count))
+    kernel(
+        particles["kind"], *[particles[behind.get(n, n)] for n in names], count, *[x for m in maps for x in m.arguments]
+    )
+    particles.written(*[behind.get(m.out, m.out) for m in maps])
+    particles.traffic += count * particles.row_bytes(dict.fromkeys(("kind", *(behind.get(n, n) for n in names))))
 
 
 ROW_BITS = 0x1FFFFFFF
@@ -463,29 +492,29 @@ def _by_kind(parts: Sequence[_Part]) -> list[tuple[int, list[int]]]:
 
 
 @kernels.cached
-def _row_kernel(
-    term: RowTerm, out: str, rows: int, signature: Signature, n_arguments: int, serial: bool, where: bool
-) -> Any:
-    """Generate the loop over rows for a row term."""
-    Row, loading = load(signature, term.reads)
+def _row_kernel(parts: tuple[tuple[RowTerm, str, int, int, str], ...], signature: Signature, serial: bool) -> Any:
+    """Generate the loop over rows for row terms, each with its output, kinds, number of arguments and ``where``."""
     types = {n: kernels.value_type(shape, integer) for n, shape, integer in signature}
-    arguments = [f"argument{k}" for k in range(n_arguments)]
     scope: dict[str, Any] = {
-        "Row": Row, "term": term.formula, "real": kernels.runtime().real, "serial": serial,
-        "Rows": kernels.array_type(kernels.i32), "Reals": kernels.array_type(kernels.runtime().real),
-        "Out": kernels.array_type(types[out]),
+        "real": kernels.runtime().real, "serial": serial, "Rows": kernels.array_type(kernels.i32),
+        **{f"In_{n}": kernels.array_type(kind) for n, kind in types.items()},
     }  # fmt: skip
-    parameters = ["kind: Rows", *["where: Reals"] * where]
-    for n in term.reads:
-        scope[f"In_{n}"] = kernels.array_type(types[n])
-        parameters.append(f"in_{n}: In_{n}")
-    parameters += ["out: Out", "count: qd.i32", *[f"{a}: real" for a in arguments]]
+    parameters = ["kind: Rows", *[f"in_{n}: In_{n}" for n in types], "count: qd.i32"]
+    body = []
+    for p, (term, out, rows, n_arguments, where) in enumerate(parts):
+        row, loading = load(signature, term.reads)
+        scope |= {f"Row{p}": row, f"term{p}": term.formula}
+        arguments = [f"argument{p}_{k}" for k in range(n_arguments)]
+        parameters += [f"{a}: real" for a in arguments]
+        body += [
+            f"        if kind[i] & {rows} != 0{f' and in_{where}[i] > 0' if where else ''}:",
+            f"            a{p} = {loading.replace('Row(', f'Row{p}(', 1).format(row='i')}",
+            f"            in_{out}[i] = term{p}({', '.join((f'a{p}', *arguments))})",
+        ]
     lines = [
         f"def row_map({', '.join(parameters)}):",
         "    qd.loop_config(serialize=serial)",
         "    for i in range(count):",
-        f"        if kind[i] & {rows} != 0{' and where[i] > 0' if where else ''}:",
-        f"            a = {loading.format(row='i')}",
-        f"            out[i] = term(a{''.join(', ' + a for a in arguments)})",
+        *body,
     ]
     return kernels.compiled("row_map", "\n".join(lines) + "\n", **scope)

@@ -23,8 +23,8 @@ def images(cloud):
     """b_i = s_i = d/n0 sum_j W r/r^2, and delta_i: the mean over i and its neighbours of l0/2 (q/q of the lattice)^p.
 
     q = (b . M b + 0.05 of the flat surface)/(b . s + likewise), b of length one, M = d/n0 sum_j W r (x) r/r^2;
-    p from how q grows with the stretch of a flat surface. Between l0/4 and 3 l0/4; the weights of the mean are theta W
-    of the neighbours and W(l0) of i.
+    the power to second order in q/q - 1, p from how q grows with the stretch of a flat surface. Between l0/4 and
+    3 l0/4; the weights of the mean are theta W of the neighbours and W(l0) of i.
     """
     lean, usual = flat(cloud)
     power = log(1.02 / 0.98) / log(flat(cloud, 1.02)[1] / flat(cloud, 0.98)[1])
@@ -36,7 +36,8 @@ def images(cloud):
             moment += cloud.d / cloud.n0 * w * np.outer(r, r) / s**2
         n, little = b[i] / np.linalg.norm(b[i]), 0.05 * lean / cloud.l0
         q = (n @ moment @ n + little * usual * cloud.l0) / (b[i] @ n + little)
-        own[i] = cloud.l0 * min(max(0.5 * (q / (usual * cloud.l0)) ** power, 0.25), 0.75)
+        x = q / (usual * cloud.l0) - 1
+        own[i] = cloud.l0 * min(max(0.5 * (1 + power * x + power * (power - 1) / 2 * x**2), 0.25), 0.75)
     nearest = cloud.W(cloud.l0, cloud.re)
     for i in range(len(cloud)):
         around = [(w * cloud.share[j], own[j]) for j, _, _, w in cloud.neighbours(i)]

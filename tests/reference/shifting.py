@@ -53,7 +53,7 @@ def fickian(cloud, strength=0.1, largest=0.1):
     return shift
 
 
-def fickian_along_surface(cloud, strength=0.1, largest=0.1, spray=0.5, supported=0.65, relative=5.0):
+def fickian_along_surface(cloud, strength=0.1, largest=0.1, spray=0.5, supported=0.65, relative=6.5):
     """-D [(1 - theta) I + theta beta (I - n n)] grad c; beta falls from 1 to 0 between 0.65 and 0.5 n0.
 
     D = A l0^2, or ``relative`` l0 max_j |u_j - u_i| dt where that is less.

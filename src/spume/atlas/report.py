@@ -71,7 +71,8 @@ def figure(results: dict[str, Any], path: Path) -> None:
 
 
 def _percent(value: float) -> str:
-    return f"{100.0 * value:.2g} %" if value < 10.0 else f"{value:.2g} ×"
+    digits = ".2g" if value < 0.995 or value >= 10.0 else ".0f"
+    return f"{100.0 * value:{digits}} %" if value < 10.0 else f"{value:{digits}} ×"
 
 
 def _lines(results: dict[str, Any]) -> list[str]:

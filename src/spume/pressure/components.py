@@ -33,12 +33,13 @@ class Components:
         while True:
             self._changed.fill(0)
             kernel(matrix, state, label, particles[system.grounded], self._changed, particles.active)
+            self._floating.fill(0)
+            _ground_kernel(light)(state, label, particles[system.grounded], self._floating, particles.active)
+            # Rows of one label are connected, whether or not all of their component have it already.
+            if kernels.host(self._floating)[0] == 0:
+                return []
             if kernels.host(self._changed)[0] == 0:
                 break
-        self._floating.fill(0)
-        _ground_kernel(light)(state, label, particles[system.grounded], self._floating, particles.active)
-        if kernels.host(self._floating)[0] == 0:
-            return []
         labels, tied = particles.numpy("component"), particles.numpy(system.grounded)
         unknown = particles.numpy(system.state) == UNKNOWN
         rhs = particles.numpy(system.rhs)

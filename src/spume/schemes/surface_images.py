@@ -21,7 +21,8 @@ IMAGE_FIELDS = (
     CROWDING, SURFACE_SHARE, IMAGES, SURFACE_DISTANCE,
     Field("fluid_crowding", ("d",), "1/m", "crowding of the fluid alone", scratch="images"),
     Field("fluid_moment", ("symmetric",), "1", "d/n0 sum of W r (x) r/r^2 over the fluid alone", scratch="images"),
-    Field("wall_side", ("d",), "1", "d/n0 sum of W over solid rows, times the normal of their wall", scratch="images"),
+    Field("wall_share", (), "1", "0 away from walls … 1 beside one", scratch="images"),
+    Field("inward_around", ("d",), "1", "sum of W theta times the direction inward over neighbours", scratch="images"),
     Field("distance_around", (), "m", "sum of W theta times the distance over neighbours", scratch="images"),
     Field("share_around", (), "1", "sum of W theta over neighbours", scratch="images"),
 )  # fmt: skip
@@ -44,40 +45,57 @@ def moment_of_fluid(a, b, r, w, scale):  # type: ignore[no-untyped-def]
     return qd.select(b.kind == FLUID, w / r.dot(r), 0.0) * squares(r)
 
 
-@pair_term(reads=("kind", "to_surface"), shape=("d",), finish=_scaled)
-def away_from_walls(a, b, r, w, scale):  # type: ignore[no-untyped-def]
-    return qd.select(b.kind == FLUID, 0.0, w) * b.to_surface.normalized(1e-30)
+def _part(a, total, scale):  # type: ignore[no-untyped-def]
+    return min(scale * total / 0.3, 1.0)
 
 
-@row_term(reads=("crowding", "fluid_crowding", "wall_side"))
-def image_vector(a, half):  # type: ignore[no-untyped-def]
-    away = a.wall_side.normalized(1e-30)
-    share = min(max(a.fluid_crowding.dot(away) / half, 0.0), 1.0)
-    return a.crowding - share * a.crowding.dot(away) * away
+@pair_term(reads=("kind",), finish=_part)
+def weight_of_walls(a, b, r, w, scale):  # type: ignore[no-untyped-def]
+    return qd.select(b.kind == FLUID, 0.0, w)
 
 
-@row_term(reads=("images", "fluid_crowding", "fluid_moment"))
+@row_term(reads=("crowding", "fluid_crowding", "fluid_moment"))
 def own_distance(a, l0, flat, usual, power, least, largest):  # type: ignore[no-untyped-def]
-    inward = a.images / max(a.images.norm(), 1e-9 / l0)
+    inward = a.crowding.normalized(1e-30)
     # A little of the flat surface of the lattice decides where no neighbour lies behind.
     depth = inward.dot(symmetric_matrix(a.fluid_moment) @ inward) + 0.05 * flat * usual * l0
-    ratio = depth / (max(a.fluid_crowding.dot(inward), 0.0) + 0.05 * flat) / (usual * l0)
-    return l0 * min(max(0.5 * ratio**power, least), largest)
+    more = depth / (max(a.fluid_crowding.dot(inward), 0.0) + 0.05 * flat) / (usual * l0) - 1.0
+    # (1 + more)^power to second order: devices have no powers of doubles.
+    return l0 * min(max(0.5 * (1.0 + power * more * (1.0 + 0.5 * (power - 1.0) * more)), least), largest)
 
 
-@pair_term(reads=("surface_distance", "surface_share"))
+@kernels.func
+def counted(b, w):  # type: ignore[no-untyped-def]
+    # A row inside the fluid has neither distance nor direction.
+    return qd.select(b.surface_share > 0.0, w * b.surface_share * (1.0 - b.wall_share), 0.0)
+
+
+@pair_term(reads=("crowding", "surface_share", "wall_share"), shape=("d",))
+def inward_of_neighbour(a, b, r, w):  # type: ignore[no-untyped-def]
+    return counted(b, w) * b.crowding.normalized(1e-30)
+
+
+@pair_term(reads=("surface_distance", "surface_share", "wall_share"))
 def distance_of_neighbour(a, b, r, w):  # type: ignore[no-untyped-def]
-    # A row inside the fluid has no distance.
-    return qd.select(b.surface_share > 0.0, w * b.surface_share * b.surface_distance, 0.0)
+    return qd.select(b.surface_share > 0.0, counted(b, w) * b.surface_distance, 0.0)
 
 
-@pair_term(reads=("surface_share",))
+@pair_term(reads=("surface_share", "wall_share"))
 def share_of_neighbour(a, b, r, w):  # type: ignore[no-untyped-def]
-    return w * b.surface_share
+    return counted(b, w)
 
 
-@row_term(reads=("surface_distance", "distance_around", "share_around"))
-def mean_distance(a, own):  # type: ignore[no-untyped-def]
+@row_term(reads=("crowding", "wall_share", "inward_around", "share_around"))
+def image_vector(a, nearest):  # type: ignore[no-untyped-def]
+    own = a.crowding.normalized(1e-30)
+    around = (0.02 * nearest * own + a.inward_around) / (0.02 * nearest + a.share_around)
+    inward = ((1.0 - a.wall_share) * own + a.wall_share * around).normalized(1e-30)
+    return max(a.crowding.dot(inward), 0.0) * inward
+
+
+@row_term(reads=("surface_distance", "wall_share", "distance_around", "share_around"))
+def mean_distance(a, nearest):  # type: ignore[no-untyped-def]
+    own = max(1.0 - a.wall_share, 0.02) * nearest
     return (own * a.surface_distance + a.distance_around) / (own + a.share_around)
 
 
@@ -139,12 +157,11 @@ def flat_surface(weight: Any, re: float, dimension: int) -> tuple[float, float, 
 def surface_images(operator: Operator, lattice: Lattice, particles: Particles, pairs: Pairs) -> None:
     """Write ``images`` b_i [1/m] and ``surface_distance`` delta_i [m] of the fluid rows on the surface, theta_i > 0.
 
-    b_i = s_i - beta_i (s_i . m_i) m_i with s_i = d/n0 sum_j W r_ij/r^2 over every neighbour and m_i the direction
-    of the walls' normals around the row. A wall goes on above the water, and its rows up there pull s_i
-    towards it; where the fluid lies on the wall's open side, beta_i = f_i . m_i/(|s|/2) in 0 … 1, f_i that sum over the
-    fluid and |s| that of a flat surface, the surface meets the wall and its normal lies along it.
+    b_i = (s_i . n_i) n_i with s_i = d/n0 sum_j W r_ij/r^2 over every neighbour and n_i the direction inward: that of
+    s_i, and beside a wall the mean direction of the neighbours on the surface that have no wall beside them. A wall
+    goes on above the water, and its rows up there pull s_i towards it, whatever its slope.
 
-    delta_i is l0/2 times the stretch of the arrangement along b_i, which (n . M n)/(n . f) tells, n = b_i/|b_i| and
+    delta_i is l0/2 times the stretch of the arrangement along s_i, which (s . M s)/(s . f)/|s| tells, f the sum s and
     M = d/n0 sum_j W r (x) r/r^2 over the fluid; the mean over a row and its neighbours on the surface, between
     l0/4 and 3 l0/4. Under a crest rows are further apart: with delta = l0/2 everywhere the surface would be too low
     there, and a wave of wavenumber k in water of depth h would have a period longer by k l0/4 coth(kh).
@@ -156,20 +173,21 @@ def surface_images(operator: Operator, lattice: Lattice, particles: Particles, p
     crowding_vector(operator, lattice, particles, pairs)
     radius, scale, l0 = operator.radius(lattice), lattice.dimension / operator.n0(lattice), lattice.spacing
     pair_sum(
-        (towards_fluid, moment_of_fluid, away_from_walls), particles, pairs,
-        out=("fluid_crowding", "fluid_moment", "wall_side"), weight=operator.weight, re=radius, arguments=(scale,),
+        (towards_fluid, moment_of_fluid, weight_of_walls), particles, pairs,
+        out=("fluid_crowding", "fluid_moment", "wall_share"), weight=operator.weight, re=radius, arguments=(scale,),
         where="surface_share",
     )  # fmt: skip
     flat, usual, growth = flat_surface(operator.weight, operator.re, lattice.dimension)
-    row_map(image_vector, particles, out="images", arguments=(0.5 * flat / l0,), where="surface_share")
     row_map(
         own_distance, particles, out="surface_distance", where="surface_share",
         arguments=(l0, flat / l0, usual, 1.0 / growth, _LEAST, _LARGEST),
     )  # fmt: skip
     pair_sum(
-        (distance_of_neighbour, share_of_neighbour), particles, pairs, out=("distance_around", "share_around"),
-        weight=operator.weight, re=radius, over=FLUID, where="surface_share",
+        (inward_of_neighbour, distance_of_neighbour, share_of_neighbour), particles, pairs,
+        out=("inward_around", "distance_around", "share_around"), weight=operator.weight, re=radius, over=FLUID,
+        where="surface_share",
     )  # fmt: skip
-    nearest = float(operator.weight.values(1.0, operator.re))
-    row_map(mean_distance, particles, out="surface_distance", arguments=(nearest,), where="surface_share")
+    nearest = (float(operator.weight.values(1.0, operator.re)),)
+    row_map(image_vector, particles, out="images", arguments=nearest, where="surface_share")
+    row_map(mean_distance, particles, out="surface_distance", arguments=nearest, where="surface_share")
     particles.keep("images", recipe, ("position", "surface_share"))

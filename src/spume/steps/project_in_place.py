@@ -3,8 +3,7 @@
 from typing import ClassVar, Literal
 
 from spume.domain import Domain
-from spume.pairs import row_map
-from spume.particles import FLUID
+from spume.pairs import RowMap, row_map, row_maps
 from spume.schemes.correction import SECOND_MOMENT
 from spume.schemes.divergence.base import Divergence
 from spume.schemes.divergence.bounded import Bounded
@@ -102,9 +101,9 @@ class ProjectInPlace(Projection, name="project-in-place"):
             self.wall_model.extrapolate(lattice, particles, pairs)
             view = self.wall_model.view(dt)
             self.gradient(lattice, particles, pairs, over=self.wall_model.carriers, view=view, dt=dt, moved=False)
-            row_map(corrected, particles, out="velocity", rows=FLUID, arguments=(dt,))
+            maps = (RowMap(corrected, "velocity", arguments=(dt,)), RowMap(moved, "position", arguments=(dt,)))
+            row_maps(maps, particles)
             self.wall_model.rest(particles)
-            row_map(moved, particles, out="position", rows=FLUID, arguments=(dt,))
             for body in bodies:
                 body.move(particles, t + dt)
 

@@ -6,7 +6,7 @@ from pydantic import Field as Parameter
 
 from spume import kernels
 from spume.lattice import Lattice
-from spume.pairs import Pairs, pair_sum, pair_term, row_map, row_term
+from spume.pairs import Pairs, RowMap, pair_sum, pair_term, row_maps, row_term
 from spume.particles import FLUID, Field, Particles
 from spume.schemes.collision.base import Collision
 from spume.schemes.weight.inverse import Inverse
@@ -113,6 +113,9 @@ class Inelastic(Collision, name="inelastic"):
             out=("collision_impulse", "collisions", "wall_impulse", "faces"), weight=Inverse(),
             re=lattice.spacing, arguments=(1.0 + self.restitution, self.distance, lattice.spacing),
         )  # fmt: skip
-        row_map(together, particles, out="collision_impulse")
-        row_map(changed_velocity, particles, out="velocity", arguments=(dt,))
-        row_map(changed_position, particles, out="position", arguments=(dt,))
+        maps = (
+            RowMap(together, "collision_impulse"),
+            RowMap(changed_velocity, "velocity", arguments=(dt,)),
+            RowMap(changed_position, "position", arguments=(dt,)),
+        )
+        row_maps(maps, particles)

@@ -6,7 +6,7 @@ from pydantic import Field as Parameter
 
 from spume import kernels
 from spume.lattice import Lattice
-from spume.pairs import Pairs, row_map, row_term
+from spume.pairs import Pairs, RowMap, row_map, row_maps, row_term
 from spume.particles import FLUID, WALL, Particles
 from spume.schemes.free_surface.base import FreeSurface
 
@@ -45,14 +45,12 @@ class Blended(FreeSurface, name="blended"):
     def __call__(self, lattice: Lattice, particles: Particles, pairs: Pairs, number_density: Any) -> None:
         """Write ``free_surface`` (1 or 0) and ``surface_share`` (1 … 0) of fluid and wall rows."""
         n0 = number_density.n0(lattice)
-        row_map(
-            share,
-            particles,
-            out="surface_share",
-            rows=FLUID | WALL,
-            arguments=(self.upper * n0, self.lower * n0),
+        limits = (self.upper * n0, self.lower * n0)
+        maps = (
+            RowMap(share, "surface_share", FLUID | WALL, limits),
+            RowMap(mostly, "free_surface", FLUID | WALL),
         )
-        row_map(mostly, particles, out="free_surface", rows=FLUID | WALL)
+        row_maps(maps, particles)
 
     def draw(self, lattice: Lattice, particles: Particles, laplacian: Any, number_density: Any) -> None:
         """Write ``surface_diagonal`` = 2 d/(lambda rho) theta/(1.02 - theta) [m/kg]."""

@@ -3,7 +3,7 @@
 from typing import Any, ClassVar
 
 from spume.lattice import Lattice
-from spume.pairs import Pairs, PairSum, row_map, row_term
+from spume.pairs import Pairs, PairSum, RowMap, row_maps, row_term
 from spume.particles import FLUID, WALL, Particles
 from spume.schemes.crowding import crowding_sum, flat_surface_gradient
 from spume.schemes.free_surface.base import nothing
@@ -45,12 +45,13 @@ class Imaged(Blended, name="imaged"):
         """Write ``surface_diagonal`` = 2 theta |b|/(delta rho) [m/kg] and the ``surface_value`` zero."""
         weight, re, d = number_density.weight, number_density.re, lattice.dimension
         flat = -flat_surface_gradient(self.weight, self.re, d, 0.0) / lattice.spacing
-        for out in ("surface_diagonal", "surface_value"):
-            row_map(nothing, particles, out=out, rows=FLUID | WALL)
-        row_map(
-            images, particles, out="surface_diagonal", where="surface_share",
-            arguments=(2.0, lattice.n0(weight, re), lattice.missing(weight, re), flat, lattice.spacing),
-        )  # fmt: skip
+        measures = (2.0, lattice.n0(weight, re), lattice.missing(weight, re), flat, lattice.spacing)
+        maps = (
+            RowMap(nothing, "surface_diagonal", FLUID | WALL),
+            RowMap(nothing, "surface_value", FLUID | WALL),
+            RowMap(images, "surface_diagonal", arguments=measures, where="surface_share"),
+        )
+        row_maps(maps, particles)
 
     def __call__(self, lattice: Lattice, particles: Particles, pairs: Pairs, number_density: Any) -> None:
         """Write ``free_surface`` (1 or 0), ``surface_share`` (1 … 0), and what the images need."""

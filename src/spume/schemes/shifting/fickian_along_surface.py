@@ -41,7 +41,7 @@ class FickianAlongSurface(Fickian, name="fickian-along-surface"):
     reference: ClassVar = "lind2012"
     needs: ClassVar = (*Fickian.needs, CROWDING, RELATIVE_MOTION, *NORMAL_FIELDS)
 
-    relative: float = Parameter(default=5.0, ge=0.0)
+    relative: float = Parameter(default=6.5, ge=0.0)
     """Coefficient of the limit A l0 max_j |u_j - u_i| dt of D_i, by how far neighbours move against each other [1]."""
     spray: float = Parameter(default=0.5, ge=0.0, lt=1.0)
     """Fraction of n0 up to which a surface row is spray, which is not shifted [1]."""

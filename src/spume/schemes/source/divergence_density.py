@@ -6,7 +6,7 @@ from pydantic import Field as Parameter
 
 from spume.kernels import qd
 from spume.lattice import Lattice
-from spume.pairs import Pairs, pair_sum, pair_term, row_map, row_term
+from spume.pairs import Pairs, RowMap, pair_sum, pair_term, row_maps, row_term
 from spume.particles import FLUID, WALL, Field, Particles
 from spume.schemes.source.base import Source, volume_error
 
@@ -78,13 +78,16 @@ class DivergenceDensity(Source, name="divergence-density"):
         """Write ``source`` of fluid and wall rows."""
         divergence(lattice, particles, pairs, out="divergence", mirror=mirror)
         n0 = number_density.n0(lattice)
-        row_map(own_error, particles, out="volume_error", rows=FLUID | WALL, arguments=(n0,))
+        errors = [RowMap(own_error, "volume_error", FLUID | WALL, (n0,))]
         if "images_density" in particles.fields:  # of a free surface with images
-            row_map(own_error_with_images, particles, out="volume_error", rows=FLUID, arguments=(n0,))
+            errors.append(RowMap(own_error_with_images, "volume_error", FLUID, (n0,)))
+        sources = [RowMap(relaxed, "source", FLUID | WALL, (dt, self.gamma))]
         if self.smoothed:
+            row_maps(errors, particles)
             pair_sum(
                 (error_of_neighbour, weight_of_neighbour), particles, pairs, out=("error_around", "weight_around"),
                 weight=number_density.weight, re=number_density.radius(lattice), over=FLUID,
             )  # fmt: skip
-            row_map(mean_error, particles, out="volume_error", rows=FLUID)
-        row_map(relaxed, particles, out="source", rows=FLUID | WALL, arguments=(dt, self.gamma))
+            row_maps([RowMap(mean_error, "volume_error", FLUID), *sources], particles)
+        else:
+            row_maps([*errors, *sources], particles)
