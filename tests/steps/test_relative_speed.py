@@ -6,6 +6,7 @@ import pytest
 import spume
 from spume.build import build
 from spume.particles import Field, Particles
+from spume.steps.project_in_place import ProjectInPlace
 
 
 @pytest.fixture
@@ -57,3 +58,16 @@ def test_scratch_of_different_owners_shares_memory(device):
     assert particles.keeps("a", ("recipe",), ("position",))
     particles.written("c")
     assert not particles.keeps("a", ("recipe",), ("position",))
+
+
+def test_sums_that_one_function_reads_take_no_memory_of_their_own(device):
+    particles = Particles(3, 0.1, ProjectInPlace().needed_fields())
+    assert particles["neighbour_spread"] is particles["correction"]
+    assert particles["cg_direction"] is particles["weighted_pressure"]
+    assert particles["cg_product"] is particles["fluid_weight"]
+    # These outlive the function that writes them.
+    own = [particles[name] for name in ("cg_residual", "predicted_gradient", "images", "shift", "slip_velocity")]
+    scratch = [
+        particles[name] for name, field in particles.fields.items() if field.scratch not in ("", "correction", "slip")
+    ]
+    assert not any(a is b for a in own for b in scratch)

@@ -26,8 +26,8 @@ class ConjugateGradient(Solver, name="cg"):
     vectors: ClassVar = ("cg_residual", "cg_direction", "cg_product")
     needs: ClassVar = (
         Field("cg_residual", (), "1/s^2", "residual r"),
-        Field("cg_direction", (), "Pa", "search direction p"),
-        Field("cg_product", (), "1/s^2", "A p"),
+        Field("cg_direction", (), "Pa", "search direction p", scratch="solver"),
+        Field("cg_product", (), "1/s^2", "A p", scratch="solver"),
     )
 
     def __call__(self, system: LinearSystem, particles: Particles) -> Solution:

@@ -8,7 +8,7 @@ from spume.schemes.operator import Operator
 
 NORMAL_FIELDS = (
     Field("surface_normal", ("d",), "1", "unit normal of the free surface, out of the fluid"),
-    Field("neighbour_spread", ("d", "d"), "1", "inverse of the second moment of a row's neighbours"),
+    Field("neighbour_spread", ("d", "d"), "1", "inverse of the second moment of a row's neighbours", scratch="normal"),
 )
 
 
