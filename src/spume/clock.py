@@ -10,8 +10,9 @@ from spume.lattice import Lattice
 class Clock:
     """Chooses the time step.
 
-    Limits: courant l0/|u_j - u_i|, with the largest relative speed of neighbours, for what changes the arrangement of
-    the particles is how they move against each other; travel l0/|u|, with the largest speed of fluid and walls;
+    Limits: courant l0/|u_j - u_i|, with the largest relative speed of neighbours (less in spray, see
+    `schemes.relative_motion`), for what changes the arrangement of the particles is how they move against each other;
+    travel l0/|u|, with the largest speed of fluid and walls;
     courant sqrt(l0/|a|), so that a fluid at rest has one; viscosity; bodies; ``step_max``. The step grows by at
     most 20 % from one to the next, for sources with 1/dt^2 answer a jump of dt with a pressure spike.
 
@@ -61,7 +62,7 @@ class Clock:
 
         Args:
             speed: largest speed [m/s].
-            relative: largest relative speed of neighbours [m/s].
+            relative: largest relative speed of neighbours, as far as they are surrounded [m/s].
             acceleration: largest acceleration [m/s^2].
             viscous: limit of the viscosity [s].
             bodies: limit of the bodies [s].

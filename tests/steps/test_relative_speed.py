@@ -41,10 +41,37 @@ def test_water_that_falls_on_a_wall_does(simulation):
 def test_a_particle_among_others(simulation):
     def motion(x):
         velocity = np.tile([3.0, 0.0], (len(x), 1))
-        velocity[np.argmin(np.linalg.norm(x - [0.45, 0.25], axis=1))] = [3.0, 1.5]
+        velocity[np.argmin(np.linalg.norm(x - [0.45, 0.05], axis=1))] = [3.0, 1.5]
         return velocity
 
     assert relative(simulation, motion) == pytest.approx(1.5, rel=1e-6)
+
+
+def test_drops_that_fly_past_each_other_count_as_much_as_they_are_surrounded(device):
+    case = spume.Case(
+        spacing=0.1, time=spume.Time(end=1.0),
+        fluid=[
+            spume.Fluid(name="low", shape=spume.Box(lower=[0.0, 0.0], upper=[0.3, 0.1])),
+            spume.Fluid(name="high", shape=spume.Box(lower=[0.0, 0.1], upper=[0.3, 0.2])),
+        ],
+    )  # fmt: skip
+    simulation = build(case, device)
+    step, domain, particles = simulation.step, simulation.domain, simulation.particles
+    step.begin(domain)
+    velocity = np.zeros((particles.count, 2))
+    velocity[particles.numpy("position")[:, 1] > 0.1] = [4.0, 0.0]
+    particles.set("velocity", velocity)
+    n = particles.numpy("number_density") / step.number_density.n0(domain.lattice)
+    assert 0.1 < n.max() < 0.9
+    x = particles.numpy("position")
+    speed = [
+        min(n[i], n[j]) * 4.0
+        for i in range(6)
+        for j in range(6)
+        if np.linalg.norm(x[i] - x[j]) < step.gradient.radius(domain.lattice) and velocity[i, 0] != velocity[j, 0]
+    ]
+    assert step.relative_speed(domain) == pytest.approx(max(speed), rel=1e-6)
+    assert particles.largest("relative_motion") == pytest.approx(16.0, rel=1e-6)
 
 
 def test_scratch_of_different_owners_shares_memory(device):

@@ -150,7 +150,7 @@ class Step(Scheme, family="step"):
 
     steadiness: ClassVar[float] = 1.0
     """Part of the limit courant sqrt(l0/|a|) of the time step up to which a fluid at rest stays at rest."""
-    fields: ClassVar[tuple[Field, ...]] = (*SYSTEM_FIELDS, CLIPPED, RELATIVE_MOTION, *Corrected.needs)
+    fields: ClassVar[tuple[Field, ...]] = (*SYSTEM_FIELDS, CLIPPED, *RELATIVE_MOTION, *Corrected.needs)
 
     def __call__(self, domain: Domain, t: float, dt: float) -> dict[str, float]:
         """Advance the domain from t to t + dt; return figures of the step.
@@ -161,16 +161,17 @@ class Step(Scheme, family="step"):
         raise NotImplementedError
 
     def begin(self, domain: Domain) -> None:
-        """Prepare the state before the first step: the gradient of the initial pressure, which the first step uses."""
+        """Prepare the state before the first step: the gradient of the initial pressure and n, which the first uses."""
         domain.pairs.update(domain.particles)
+        self.number_density(domain.lattice, domain.particles, domain.pairs)
         # Not the step's own model, which may want a time step or the images of a wall.
         Corrected()(domain.lattice, domain.particles, domain.pairs, over=FLUID)
 
     def relative_speed(self, domain: Domain) -> float:
-        """Return the largest relative speed of a fluid row and a neighbour [m/s]; against walls, of its normal part."""
+        """Return the largest relative speed of a fluid row and a neighbour [m/s], as far as both are surrounded."""
         particles = domain.particles
-        relative_motion(self.gradient, domain.lattice, particles, domain.pairs)
-        return sqrt(max(particles.largest("relative_motion", FLUID), 0.0))
+        relative_motion(self.gradient, domain.lattice, particles, domain.pairs, self.number_density)
+        return sqrt(max(particles.largest("surrounded_motion", FLUID), 0.0))
 
     def max_dt(self, domain: Domain, speed: float) -> float:
         """Return the largest time step [s] that the step itself allows, for the largest ``speed`` [m/s]."""

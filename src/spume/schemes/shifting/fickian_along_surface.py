@@ -39,7 +39,7 @@ class FickianAlongSurface(Fickian, name="fickian-along-surface"):
 
     ids: ClassVar[tuple[str, ...]] = ()
     reference: ClassVar = "lind2012"
-    needs: ClassVar = (*Fickian.needs, CROWDING, RELATIVE_MOTION, *NORMAL_FIELDS)
+    needs: ClassVar = (*Fickian.needs, CROWDING, *RELATIVE_MOTION, *NORMAL_FIELDS)
 
     relative: float = Parameter(default=6.5, ge=0.0)
     """Coefficient of the limit A l0 max_j |u_j - u_i| dt of D_i, by how far neighbours move against each other [1]."""
@@ -52,7 +52,7 @@ class FickianAlongSurface(Fickian, name="fickian-along-surface"):
         """Shift ``position`` of fluid rows; ``shift`` keeps the displacement."""
         constant = self.strength * lattice.spacing**2
         coefficient = advective_diffusivity(self, self.advective, constant, lattice, particles, dt)
-        relative_motion(self, lattice, particles, pairs)
+        relative_motion(self, lattice, particles, pairs, number_density)
         crowding_vector(self, lattice, particles, pairs)
         surface_normals(self, lattice, particles, pairs, where="surface_share")
         n0 = number_density.n0(lattice)
