@@ -4,8 +4,8 @@ from typing import Any, ClassVar
 
 from spume import kernels
 from spume.particles import Field, Particles
-from spume.pressure.base import START_SHARE, Solution, Solver
-from spume.pressure.conjugate_gradient import BLOCKS, floor, solution
+from spume.pressure.base import Solution, Solver, square_of_row
+from spume.pressure.conjugate_gradient import BLOCKS, negligible, solution
 from spume.pressure.entries import Entries, matrix_type, row_sum
 from spume.pressure.matrix import UNKNOWN, LinearSystem
 
@@ -34,7 +34,7 @@ class StabilisedBiconjugateGradient(Solver, name="bicgstab"):
         matrix = system.matrix(particles)
         start(
             matrix, *vectors, particles[system.rhs], particles[system.state], partial, scalars, running,
-            self.tolerance, floor(system, self), particles.active,
+            self.tolerance, *negligible(system, self), particles.active,
         )  # fmt: skip
         if int(kernels.host(running)) == 1:
             iterate(
@@ -86,8 +86,8 @@ def _kernels(entries: Entries) -> Any:
     def start_bicgstab(
         matrix: Matrix,
         x: Reals, diagonal: Reals, r: Reals, shadow: Reals, p: Reals, v: Reals, s: Reals, t: Reals, y: Reals,
-        rhs: Reals, state: Rows, partial: Reals, scalars: Reals, running: Flag, tolerance: real, floor: real,
-        count: kernels.i32,
+        rhs: Reals, state: Rows, partial: Reals, scalars: Reals, running: Flag, tolerance: real,
+        floor: real, loosest: real, count: kernels.i32,
     ):  # fmt: skip
         qd.loop_config(serialize=serial)
         for b in range(blocks):
@@ -97,7 +97,7 @@ def _kernels(entries: Entries) -> Any:
                 rest = qd.cast(0, real)
                 if state[i] == UNKNOWN:
                     rest = rhs[i] - row_product(matrix, diagonal, x, i)
-                    bb += rhs[i] * rhs[i] + START_SHARE**2 * (diagonal[i] * x[i]) ** 2 + floor
+                    bb += square_of_row(rhs[i], diagonal[i] * x[i], floor, loosest)
                 r[i] = rest
                 shadow[i] = rest
                 p[i] = rest

@@ -6,7 +6,7 @@ import numpy as np
 
 from spume import kernels
 from spume.particles import Field, Particles
-from spume.pressure.base import START_SHARE, NotConverged, Solution, Solver
+from spume.pressure.base import LOOSEST, NotConverged, Solution, Solver, square_of_row
 from spume.pressure.entries import Entries, matrix_type, row_sum
 from spume.pressure.matrix import UNKNOWN, LinearSystem
 
@@ -38,7 +38,7 @@ class ConjugateGradient(Solver, name="cg"):
         matrix = system.matrix(particles)
         start(
             matrix, *vectors, particles[system.rhs], particles[system.state], partial, scalars, running,
-            self.tolerance, floor(system, self), particles.active,
+            self.tolerance, *negligible(system, self), particles.active,
         )  # fmt: skip
         if int(kernels.host(running)) == 1:
             iterate(
@@ -54,9 +54,9 @@ class ConjugateGradient(Solver, name="cg"):
         return solution(kernels.host(scalars), self)
 
 
-def floor(system: LinearSystem, solver: Solver) -> float:
-    """Return what a row adds to the square of the norm that the residual is relative to."""
-    return (system.negligible / solver.tolerance) ** 2
+def negligible(system: LinearSystem, solver: Solver) -> tuple[float, float]:
+    """Return what a row adds to the square of the norm that the residual is relative to, and at most by what factor."""
+    return (system.negligible / solver.tolerance) ** 2, max((LOOSEST / solver.tolerance) ** 2 - 1.0, 0.0)
 
 
 def solution(scalars: Any, solver: Solver) -> Solution:
@@ -113,7 +113,7 @@ def _kernels(entries: Entries) -> Any:
     @kernels.func
     def residual(
         b: kernels.i32, matrix: Matrix, x: Reals, r: Reals, p: Reals,
-        diagonal: Reals, rhs: Reals, state: Rows, partial: Reals, floor: real, count: kernels.i32,
+        diagonal: Reals, rhs: Reals, state: Rows, partial: Reals, floor: real, loosest: real, count: kernels.i32,
     ):  # fmt: skip
         rr = qd.cast(0, real)
         rz = qd.cast(0, real)
@@ -122,7 +122,7 @@ def _kernels(entries: Entries) -> Any:
             rest = qd.cast(0, real)
             if state[i] == UNKNOWN:
                 rest = subtract(matrix, i, 0, x, rhs[i] - diagonal[i] * x[i])
-                bb += rhs[i] * rhs[i] + START_SHARE**2 * (diagonal[i] * x[i]) ** 2 + floor
+                bb += square_of_row(rhs[i], diagonal[i] * x[i], floor, loosest)
             r[i] = rest
             p[i] = rest / diagonal[i]
             rr += rest * rest
@@ -177,11 +177,11 @@ def _kernels(entries: Entries) -> Any:
     @kernels.kernel
     def start_cg(
         matrix: Matrix, x: Reals, r: Reals, p: Reals, q: Reals, diagonal: Reals, rhs: Reals, state: Rows,
-        partial: Reals, scalars: Reals, running: Flag, tolerance: real, floor: real, count: kernels.i32,
+        partial: Reals, scalars: Reals, running: Flag, tolerance: real, floor: real, loosest: real, count: kernels.i32,
     ):  # fmt: skip
         qd.loop_config(serialize=serial)
         for b in range(blocks):
-            residual(b, matrix, x, r, p, diagonal, rhs, state, partial, floor, count)
+            residual(b, matrix, x, r, p, diagonal, rhs, state, partial, floor, loosest, count)
         qd.loop_config(serialize=True)
         for _ in range(1):
             scalars[0] = total(partial, 0)

@@ -13,7 +13,7 @@ from typing import Any
 
 from spume import kernels
 from spume.pressure.aggregation import BAND, blocks, level_type, stages
-from spume.pressure.base import START_SHARE
+from spume.pressure.base import square_of_row
 from spume.pressure.coarsest import direct_stages
 from spume.pressure.entries import SINGLES, Entries, row_sum
 
@@ -228,14 +228,14 @@ def outer_stages(symmetric: bool, entries: Entries) -> Any:
     @kernels.func
     def residual(
         b: i32, parts: i32, level: Level, diagonal: Reals, x: Reals, rhs: Reals, r: Reals, p: Reals, q: Reals,  # type: ignore[valid-type]
-        partial: Reals, floor: real, n: i32,  # type: ignore[valid-type]
+        partial: Reals, floor: real, loosest: real, n: i32,  # type: ignore[valid-type]
     ):  # fmt: skip
         bb = qd.cast(0, real)
         rr = qd.cast(0, real)
         for t in range(bound(b, parts, n), bound(b + 1, parts, n)):
             i = level.row[t]
             rest = subtract(level, i, 0, x, rhs[i] - diagonal[i] * x[i])
-            bb += rhs[i] * rhs[i] + START_SHARE**2 * (diagonal[i] * x[i]) ** 2 + floor
+            bb += square_of_row(rhs[i], diagonal[i] * x[i], floor, loosest)
             r[i] = rest
             level.right[i] = qd.cast(rest, f32)
             level.old[i] = level.right[i] * level.inverse[i]
@@ -360,12 +360,12 @@ def solve_in_one_thread(symmetric: bool, entries: Entries) -> Any:
     def solve_by_multigrid(
         level: Level, coarse: Coarse, table: Rows, operations: Rows, length: i32, diagonal: Reals, x: Reals,  # type: ignore[valid-type]
         rhs: Reals, r: Reals, p: Reals, q: Reals, image: Reals, partial: Reals, scalars: Reals, tolerance: real,  # type: ignore[valid-type]
-        floor: real, largest: i32,  # type: ignore[valid-type]
+        floor: real, loosest: real, largest: i32,  # type: ignore[valid-type]
     ):  # fmt: skip
         qd.loop_config(serialize=True)
         for _ in range(1):
             n = table[1]
-            o.residual(0, 1, level, diagonal, x, rhs, r, p, q, partial, floor, n)
+            o.residual(0, 1, level, diagonal, x, rhs, r, p, q, partial, floor, loosest, n)
             o.begin(1, partial, scalars)
             while scalars[REST] > tolerance * tolerance * scalars[RIGHT] and scalars[ITERATIONS] < largest:
                 if length > 0:
@@ -459,13 +459,13 @@ def parallel_kernels(symmetric: bool, entries: Entries) -> Any:
     @kernels.kernel
     def start(
         level: Level, diagonal: Reals, x: Reals, rhs: Reals, r: Reals, p: Reals, q: Reals, partial: Reals,  # type: ignore[valid-type]
-        scalars: Reals, floor: real, n: i32, parts: i32,  # type: ignore[valid-type]
+        scalars: Reals, floor: real, loosest: real, n: i32, parts: i32,  # type: ignore[valid-type]
     ):  # fmt: skip
         qd.loop_config(block_dim=1)
         for t in range(parts * spread):
             if t % spread == 0:
                 b = t // spread
-                o.residual(b, parts, level, diagonal, x, rhs, r, p, q, partial, floor, n)
+                o.residual(b, parts, level, diagonal, x, rhs, r, p, q, partial, floor, loosest, n)
         qd.loop_config(serialize=True)
         for _ in range(1):
             o.begin(parts, partial, scalars)

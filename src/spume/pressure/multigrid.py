@@ -11,7 +11,7 @@ from spume.particles import Particles
 from spume.pressure import aggregation, coarsest, cycle, levels
 from spume.pressure.base import NotConverged, Solution, Solver
 from spume.pressure.bicgstab import StabilisedBiconjugateGradient
-from spume.pressure.conjugate_gradient import ConjugateGradient, floor, solution
+from spume.pressure.conjugate_gradient import ConjugateGradient, negligible, solution
 from spume.pressure.entries import SINGLES
 from spume.pressure.matrix import UNKNOWN, LinearSystem
 
@@ -88,7 +88,7 @@ class _Workspace:
         level = self._finest_level(system, particles)
         diagonal = particles[system.diagonal]
         vectors = [diagonal, *(particles[n] for n in (system.solution, system.rhs, *ConjugateGradient.vectors))]
-        self._floor = floor(system, solver)
+        self._negligible = negligible(system, solver)
         self._state, self._diagonal, self._entries = particles[system.state], diagonal, system.entries
         alone = aggregation.alone(particles.active)
         build = self._build_in_one_thread if alone else self._build_with_threads
@@ -105,7 +105,7 @@ class _Workspace:
         if alone:
             cycle.solve_in_one_thread(system.symmetric, system.entries)(
                 level, self._coarse, self._table, self._operations, self._length, *vectors, self._image, self._partial,
-                self._scalars, solver.tolerance, self._floor, solver.largest_iterations,
+                self._scalars, solver.tolerance, *self._negligible, solver.largest_iterations,
             )  # fmt: skip
         else:
             self._iterate(level, vectors, solver, system)
@@ -156,7 +156,7 @@ class _Workspace:
         table, coarse, parts = self._host_table, self._coarse, self._parts
         partial, scalars, n = self._partial, self._scalars, int(table[1])
         runs = self._runs(table)
-        kernel.start(level, diagonal, x, rhs, r, p, q, partial, scalars, self._floor, n, parts)
+        kernel.start(level, diagonal, x, rhs, r, p, q, partial, scalars, *self._negligible, n, parts)
         if all(operation == cycle.RUN for operation, *_ in runs):
             if scalars[cycle.REST] > solver.tolerance**2 * scalars[cycle.RIGHT]:
                 cycle.solve_on_finest(system.symmetric, system.entries)(

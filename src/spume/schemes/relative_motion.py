@@ -43,7 +43,7 @@ def relative_motion(
     s = min(n_i, n_j, n0)/n0. Drops that fly past each other change no arrangement that a pressure is solved for, and in
     spray they do so faster than anything in the water.
 
-    They are made once for a velocity: that rows are shifted by a small part of a spacing afterwards changes no velocity.
+    They are made once for a velocity: shifting rows by a small part of a spacing afterwards changes no velocity.
 
     Args:
         operator: gives the effective radius.
