@@ -25,6 +25,8 @@ os.environ.setdefault("QD_ENABLE_PYBUF", "0")  # in a notebook it would say that
 import numpy as np
 import quadrants as qd
 
+from spume.launch import launcher
+
 log = logging.getLogger("spume")
 
 func = qd.func
@@ -339,9 +341,9 @@ def _defined(name: str, source: str, namespace: dict[str, Any]) -> Any:
 def kernel(function: Callable[..., Any] | None = None, *, graph: bool = False) -> Any:
     """Make a function a kernel; ``graph``: one with a loop over launches (``qd.graph.do_while``).
 
-    All types of a kernel's arguments stand in its annotations, and are looked at when it is called first. The language
-    looks at them in every call, and never forgets what it saw of each combination of argument objects: a step's new
-    numbers are such, and cost 0.1 MB a step.
+    All types of a kernel's arguments stand in its annotations, and are looked at when it is called first (see
+    `spume.launch`). The language looks at them in every call, and never forgets what it saw of each combination of
+    argument objects: a step's new numbers are such, and cost 0.1 MB a step.
     """
     if function is None:
         return lambda function: kernel(function, graph=graph)
@@ -358,7 +360,7 @@ def kernel(function: Callable[..., Any] | None = None, *, graph: bool = False) -
         return found[0]
 
     mapper.lookup = looked_up
-    return made
+    return launcher(made)
 
 
 def wait() -> None:

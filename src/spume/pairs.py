@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from spume import kernels
-from spume.particles import ANY, DUMMY, FLUID, SOLID, WALL, Particles
+from spume.particles import ANY, DUMMY, FLUID, SOLID, WALL, Particles, Signature
 from spume.search import NeighbourList
 
 
@@ -276,7 +276,7 @@ def _map(maps: tuple[RowMap, ...], particles: Particles, behind: Mapping[str, st
     count = particles.count if dry else particles.active
     names = tuple(dict.fromkeys(n for m in maps for n in (*m.term.reads, m.out, *([m.where] if m.where else []))))
     parts = tuple((m.term, m.out, m.rows, len(m.arguments), m.where) for m in maps)
-    kernel = _row_kernel(parts, _signature(particles, names, behind), kernels.light(count))
+    kernel = _row_kernel(parts, particles.signature(names, behind), kernels.light(count))
     kernel(
         particles["kind"], *[particles[behind.get(n, n)] for n in names], count, *[x for m in maps for x in m.arguments]
     )
@@ -289,13 +289,6 @@ ROW_BITS = 0x1FFFFFFF
 
 All components of a neighbour's vector are then loaded from one address.
 """
-
-Signature = tuple[tuple[str, tuple[int, ...], bool], ...]
-
-
-def _signature(particles: Particles, names: Sequence[str], behind: Mapping[str, str] | None = None) -> Signature:
-    fields = {n: particles.fields[(behind or {}).get(n, n)] for n in names}
-    return tuple((n, fields[n].value_shape(particles.dimension), fields[n].dtype is int) for n in names)
 
 
 def _asked(
@@ -335,7 +328,7 @@ def _reduce(
     seen = view.reads if view else ()
     reads = tuple(dict.fromkeys([*(n for s in sums for t in s.terms for n in t.reads), *seen]))
     behind = fields or {}
-    signature = _signature(particles, (*reads, *outs), behind)
+    signature = particles.signature((*reads, *outs), behind)
     radii = tuple(dict.fromkeys(s.re for s in sums))
     parts = tuple(
         _Part(s.terms, s.out, s.weight.function(), radii.index(s.re), s.rows, s.over, len(s.arguments)) for s in sums

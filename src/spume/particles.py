@@ -54,6 +54,9 @@ class Field:
         return tuple(lengths[s] if isinstance(s, str) else s for s in self.shape)
 
 
+Signature = tuple[tuple[str, tuple[int, ...], bool], ...]
+"""Names, shapes of a value, and whether it is an integer."""
+
 _REDUCTION_BLOCKS = 128
 """Sums and maxima are made of this many partial ones, whatever the number of threads."""
 
@@ -129,6 +132,8 @@ class Particles:
         self._row_of_id_valid = False
         self._partial: Any = None
         self._writes: dict[str, int] = {}
+        self._signatures: dict[tuple[tuple[str, str], ...], Signature] = {}
+        self._row_bytes: dict[tuple[str, ...], int] = {}
         self._origin: dict[str, tuple[Any, ...]] = {}
         self.declare(BASE_FIELDS)
         self.declare(fields)
@@ -172,11 +177,26 @@ class Particles:
 
     def row_bytes(self, names: Iterable[str]) -> int:
         """Return the memory of some fields of one row [bytes]."""
-        real = kernels.runtime().dtype().itemsize
-        return sum(
-            (4 if self.fields[n].dtype is int else real) * prod(self.fields[n].value_shape(self.dimension))
-            for n in names
-        )
+        asked = tuple(names)
+        found = self._row_bytes.get(asked)
+        if found is None:
+            real = kernels.runtime().dtype().itemsize
+            found = self._row_bytes[asked] = sum(
+                (4 if self.fields[n].dtype is int else real) * prod(self.fields[n].value_shape(self.dimension))
+                for n in asked
+            )
+        return found
+
+    def signature(self, names: Iterable[str], behind: Mapping[str, str]) -> Signature:
+        """Return name, shape of a value and whether it is an integer, for names behind which fields stand."""
+        asked = tuple((n, behind.get(n, n)) for n in names)
+        found = self._signatures.get(asked)
+        if found is None:
+            fields = {n: self.fields[field] for n, field in asked}
+            found = self._signatures[asked] = tuple(
+                (n, field.value_shape(self.dimension), field.dtype is int) for n, field in fields.items()
+            )
+        return found
 
     def bytes(self) -> int:
         """Return the memory of all fields, and of what sorting needs [bytes]."""

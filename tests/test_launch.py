@@ -1,0 +1,77 @@
+"""Launching kernels by what their first call found out."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from spume import kernels
+from spume.launch import _planned
+
+
+@pytest.fixture
+def scaled(device):
+    kernels.initialize(device)
+    Vectors, Rows = kernels.array_type(kernels.vector(2)), kernels.array_type(kernels.i32)
+    real = kernels.runtime().real
+
+    @kernels.kernel
+    def scaled(x: Vectors, add: Rows, factor: real, out: Vectors, offset: kernels.i32, count: kernels.i32):
+        for i in range(count):
+            out[i] = factor * x[i] + kernels.qd.cast(add[i] + offset, real)
+
+    return scaled
+
+
+def made(values, kind):
+    array = kernels.array(kind, len(values))
+    content = kernels.host(array)
+    content[:] = values
+    kernels.publish(array, content)
+    return array
+
+
+def test_later_calls_see_their_own_arrays_and_numbers(scaled):
+    for call, (count, factor, offset) in enumerate([(3, 2.0, 0), (5, np.float64(-0.5), np.int64(7)), (4, 3, -1)]):
+        x, add = np.arange(2.0 * count).reshape(-1, 2) + call, np.arange(count) - call
+        out = made(np.zeros((count, 2)), kernels.vector(2))
+        scaled(made(x, kernels.vector(2)), made(add, kernels.i32), factor, out, offset, count)
+        assert kernels.host(out) == pytest.approx(factor * x + (add + offset)[:, None], rel=1e-6)
+
+
+def test_a_kernel_that_returns_a_number_returns_it_each_time(device):
+    kernels.initialize(device)
+    Rows = kernels.array_type(kernels.i32)
+
+    @kernels.kernel
+    def last(values: Rows, i: kernels.i32) -> kernels.i32:
+        return values[i]
+
+    values = made([4, 5, 6], kernels.i32)
+    assert [last(values, i) for i in (2, 0, 1)] == [6, 4, 5]
+
+
+def test_a_struct_of_arrays_is_no_array(device):
+    kernels.initialize(device)
+
+    @dataclass
+    class Both:
+        a: kernels.array_type(kernels.i32)
+        b: kernels.array_type(kernels.i32)
+
+    @kernels.kernel
+    def exchanged(both: Both, count: kernels.i32):
+        for i in range(count):
+            kept = both.a[i]
+            both.a[i] = both.b[i]
+            both.b[i] = kept
+
+    for _ in range(3):
+        a, b = made([1, 2], kernels.i32), made([3, 4], kernels.i32)
+        exchanged(Both(a, b), 2)
+        assert list(kernels.host(a)) == [3, 4]
+        assert list(kernels.host(b)) == [1, 2]
+
+
+def test_what_cannot_be_planned_is_called_as_it_is():
+    assert _planned(len) is None
