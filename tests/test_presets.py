@@ -12,6 +12,7 @@ from spume.steps.project_in_place import ProjectInPlace
 def test_names_are_those_that_a_case_takes():
     assert set(presets.names()) == set(get_args(Case.model_fields["preset"].annotation))
     assert presets.names()[0] == presets.USUAL
+    assert {"recommended", "violent", "waves", "confined", "original-1996"} <= set(presets.names())
 
 
 @pytest.mark.parametrize("name", presets.names())

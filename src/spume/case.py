@@ -36,6 +36,10 @@ Positive = Annotated[float, Field(gt=0)]
 Label = Annotated[str, Field(min_length=1, max_length=60, pattern=r"^[^\s./\\]+$")]
 Initials = Annotated[tuple[Initial, ...], named.OneOrMore()]
 AXES = ("x", "y", "z")
+if TYPE_CHECKING:
+    Preset = str
+else:
+    Preset = Literal[*presets.names()]  # a new file in the folder is a new preset
 
 
 class Time(Parameters):
@@ -130,7 +134,7 @@ class Case(Parameters):
     """Processor threads [1]; default: all that the process may use."""
     precision: Literal["double", "single"] = "double"
     """Floating-point numbers of 8 or of 4 bytes."""
-    preset: Literal["recommended", "confined", "original-1996", "violent"] = "recommended"
+    preset: Preset = "recommended"
     """Models for a class of problems: defaults of ``step`` and ``time``, before which goes what those say."""
     time: Time
     """End of the run and limits of the time step."""
