@@ -74,4 +74,20 @@ def test_a_struct_of_arrays_is_no_array(device):
 
 
 def test_what_cannot_be_planned_is_called_as_it_is():
-    assert _planned(len) is None
+    assert _planned(len, kernels.qd) is None
+
+
+def test_arrays_and_numbers_are_planned(device):
+    kernels.initialize(device)
+    Rows = kernels.array_type(kernels.i32)
+
+    @kernels.qd.kernel
+    def counted(values: Rows, count: kernels.i32):
+        for i in range(count):
+            values[i] = i
+
+    assert _planned(counted, kernels.qd) is None  # not before its first call
+    values = made([0, 0, 0], kernels.i32)
+    counted(values, 2)
+    _planned(counted, kernels.qd)(values, 3)
+    assert list(kernels.host(values)) == [0, 1, 2]

@@ -360,7 +360,7 @@ def kernel(function: Callable[..., Any] | None = None, *, graph: bool = False) -
         return found[0]
 
     mapper.lookup = looked_up
-    return launcher(made)
+    return launcher(made, qd)
 
 
 def wait() -> None:

@@ -8,14 +8,16 @@ them the same as in the step before but for numbers, so what the first call foun
 from collections.abc import Callable
 from typing import Any
 
-import quadrants as qd
 
-
-def launcher(kernel: Any) -> Callable[..., Any]:
+def launcher(kernel: Any, language: Any) -> Callable[..., Any]:
     """Return a function that launches a kernel of arrays and numbers as its first call did, only sooner.
 
     Later calls must have arrays of the same types as the first, as the annotations of their arguments ask for. Kernels
     with other arguments, or made by another version of the language, are called as they are.
+
+    Args:
+        kernel: what the decorator of the kernel language returned.
+        language: the kernel language's module.
     """
     launch: Callable[..., Any] | None = None
 
@@ -24,31 +26,30 @@ def launcher(kernel: Any) -> Callable[..., Any]:
         if launch is not None:
             return launch(*arguments)
         value = kernel(*arguments)
-        launch = _planned(kernel) or kernel
+        launch = _planned(kernel, language) or kernel
         return value
 
     return call
 
 
-def _planned(kernel: Any) -> Callable[..., Any] | None:
+def _planned(kernel: Any, language: Any) -> Callable[..., Any] | None:
     """Return what launches a kernel that has been called before, or nothing where its arguments do not allow it."""
     try:
-        from quadrants.lang import impl
-        from quadrants.types.ndarray_type import NdarrayType
-        from quadrants.types.primitive_types import integer_type_ids, real_type_ids
-
+        types = language.types
+        array_type, real_types = types.ndarray_type.NdarrayType, types.primitive_types.real_type_ids
+        integer_types = types.primitive_types.integer_type_ids
         made = kernel._primal
         key = made._last_launch_key
         annotations = [argument.annotation for argument in made.arg_metas]
         prepared, compiled = made.materialized_kernels[key], made.compiled_kernel_data_by_key[key]
         unusual = made.return_type or made.has_print or made.use_graph or made.use_checkpoints
-        program = impl.get_runtime().prog
-    except (AttributeError, ImportError, KeyError):
+        program = language.lang.impl.get_runtime().prog
+    except (AttributeError, KeyError):
         return None
-    arrays = tuple(k for k, kind in enumerate(annotations) if isinstance(kind, NdarrayType))
-    reals = tuple(k for k, kind in enumerate(annotations) if id(kind) in real_type_ids)
-    integers = tuple(k for k, kind in enumerate(annotations) if id(kind) in integer_type_ids)
-    unsigned = any(annotations[k] in (qd.u8, qd.u16, qd.u32, qd.u64) for k in integers)
+    arrays = tuple(k for k, kind in enumerate(annotations) if isinstance(kind, array_type))
+    reals = tuple(k for k, kind in enumerate(annotations) if id(kind) in real_types)
+    integers = tuple(k for k, kind in enumerate(annotations) if id(kind) in integer_types)
+    unsigned = any(annotations[k] in (language.u8, language.u16, language.u32, language.u64) for k in integers)
     if unusual or unsigned or len(arrays) + len(reals) + len(integers) != len(annotations):
         return None
 
