@@ -39,9 +39,9 @@ def page() -> str:
 
 
 def records(folder: Path) -> list[dict[str, Any]]:
-    """Return what ``spume validate`` or a check script wrote into a folder, if it wrote bars."""
+    """Return what ``spume validate`` or a check script wrote into a folder, if it judges a case."""
     found = [json.loads(path.read_text(encoding="utf-8")) for path in sorted(folder.glob("results*.json"))]
-    return [record for record in found if isinstance(record, dict) and record.get("bars")]
+    return [record for record in found if isinstance(record, dict) and "bars" in record]
 
 
 def section(folder: Path) -> list[str]:
@@ -58,7 +58,8 @@ def section(folder: Path) -> list[str]:
         alt = re.search(rf"!\[(.*?)\]\({re.escape(figure.name)}\)", text)
         parts.append(f"![{alt[1] if alt else title}](validation/{folder.name}/{figure.name}){{ loading=lazy }}")
     for record in found:
-        parts += [f"**{record['title']}** – {record['date']}, {record['machine']}", table(record)]
+        parts.append(f"**{record['title']}** – {record['date']}, {record['machine']}")
+        parts += [table(record)] if record["bars"] else []
     parts.append(f"Command: `{command[1] if command else f'spume validate {folder.name}'}`")
     return parts
 
