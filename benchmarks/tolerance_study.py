@@ -4,9 +4,9 @@
 
 Water at rest (H/l0 = 20) and a standing wave (h/l0 = 20), as in validation/settings; the dam break of Lobovsky et al.
 in 2D with H/l0 cells, and in 3D. Either the relative residual (``tolerance``, with a ``volume_error`` of 0) or the
-change of volume in a step (``volume_error``, with a tolerance of 1e-9 that never decides) is varied. Deviations of pressures and levels are root
-mean squares against the experiment, means over the gauges; drift is the largest change of the fluid's volume. One
-thread; iterations and time of the solves are per step.
+change of volume in a step (``volume_error``, with a tolerance of 1e-9 that never decides) is varied. Deviations of
+pressures and levels are root mean squares against the experiment, means over the gauges; drift is the largest change
+of the fluid's volume. One thread; iterations and time of the solves are per step.
 """
 
 import argparse
