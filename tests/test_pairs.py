@@ -285,3 +285,33 @@ def test_totals_and_largest_norms(every_runtime):
         bad[row, 1] = np.nan
         particles.set("velocity", bad)
         assert np.isnan(particles.largest_norm("velocity", FLUID)), "NaN wins wherever it stands"
+
+
+@pair_term(reads=("density", "scalar"))
+def shared_mass(a, b, r, w):
+    return b.density * b.scalar
+
+
+def test_a_number_that_all_rows_have_is_read_from_the_row_itself_until_one_has_another(every_runtime):
+    particles, pairs, _, w = filled(3)
+    near, s, fluid = w > 0, particles.numpy("scalar"), particles.numpy("kind") == FLUID
+    for change in (1.0, 3.0):
+        density = np.full(particles.count, 1000.0)
+        density[::2] *= change
+        particles.set("density", density)
+        assert particles.uniform("density") == (change == 1.0)
+        pair_sum(shared_mass, particles, pairs, out="answer", weight=W, re=0.21)
+        assert particles.numpy("answer")[fluid] == pytest.approx((near * (density * s)).sum(axis=1)[fluid], rel=2e-4)
+
+
+def test_what_a_step_writes_or_has_components_is_never_one_number_of_all_rows(every_runtime):
+    particles, _, _, _ = filled(2)
+    particles.set("pressure", np.ones(particles.count))
+    particles.set("to_surface", np.ones((particles.count, 2)))
+    assert not particles.uniform("pressure")
+    assert not particles.uniform("to_surface")
+    assert not particles.uniform("id")
+    particles.set("kind", np.full(particles.count, FLUID))
+    assert particles.uniform("kind")
+    particles.insert({"position": np.zeros((1, 2)), "kind": [WALL]})
+    assert not particles.uniform("kind")

@@ -13,6 +13,7 @@ that is not declared is not there: reading it does not compile.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -336,6 +337,7 @@ def _reduce(
     list_ = pairs.list
     kernel = _pair_kernel(
         operation, parts, signature, particles.dimension, pairs.periodic, view.formula if view else None, reads,
+        shared(reads, particles, behind),
         view.value if view else "", len(view.arguments) if view else 0, max(radii) < 0.75 * list_.radius, bool(where),
     )  # fmt: skip
     for chunk in list_.chunks:
@@ -352,13 +354,23 @@ def _reduce(
     particles.visits += 1
 
 
-def load(signature: Signature, reads: Sequence[str]) -> tuple[Any, str]:
-    """Return a struct type of the fields read and the text that loads it for the row ``{row}``."""
+def shared(
+    reads: Sequence[str], particles: Particles, behind: Mapping[str, str] = MappingProxyType({})
+) -> tuple[str, ...]:
+    """Return which of the names read stand for a number that all rows have: a neighbour's is the row's own."""
+    return tuple(n for n in reads if particles.uniform(behind.get(n, n)))
+
+
+def load(signature: Signature, reads: Sequence[str], common: Sequence[str] = ()) -> tuple[Any, str]:
+    """Return a struct type of the fields read and the text that loads it for the row ``{row}``.
+
+    Values of ``common`` are taken from ``a``, the row that looks at this one.
+    """
     types = {n: kernels.value_type(shape, integer) for n, shape, integer in signature}
     if not reads:
         return kernels.struct(nothing=kernels.i32), "Row(nothing=0)"
     row = kernels.struct(**{n: types[n] for n in reads})
-    return row, "Row(" + ", ".join(f"{n}=in_{n}[{{row}}]" for n in reads) + ")"
+    return row, "Row(" + ", ".join(f"{n}=a.{n}" if n in common else f"{n}=in_{n}[{{row}}]" for n in reads) + ")"
 
 
 def minimum_image(periodic: Sequence[bool]) -> list[str]:
@@ -375,13 +387,18 @@ def _pair_kernel(
     periodic: tuple[bool, ...],
     view: Callable[..., Any] | None,
     reads: tuple[str, ...],
+    common: tuple[str, ...],
     viewed: str,
     n_view_arguments: int,
     selective: bool,
     where: bool,
 ) -> Any:
-    """Generate the loop over rows and neighbours; ``selective`` if the radii leave out many pairs."""
+    """Generate the loop over rows and neighbours; ``selective`` if the radii leave out many pairs.
+
+    ``common`` names the values read that all rows share.
+    """
     Row, loading = load(signature, reads)
+    _, loading_neighbour = load(signature, reads, common)
     types = {n: kernels.value_type(shape, integer) for n, shape, integer in signature}
     real = kernels.runtime().real
     scope: dict[str, Any] = {
@@ -435,7 +452,7 @@ def _pair_kernel(
         if not chosen:
             return []
         asked = {p: f"(kind[j] & {parts[p].over} != 0)" if kinds & ~parts[p].over else "" for p in chosen}
-        neighbour = f"b = {loading.format(row='j')}"
+        neighbour = f"b = {loading_neighbour.format(row='j')}"
         if kinds == FLUID:
             # Once that is said, what serves walls is not even read.
             neighbour = neighbour.replace("kind=in_kind[j]", f"kind={FLUID}")
@@ -455,18 +472,20 @@ def _pair_kernel(
                 near = f"rr < re{parts[p].radius} * re{parts[p].radius}"
                 lines.append(f"near{p} = {f'({near}) & {asked[p]}' if asked[p] else near}")
                 lines += [added(s, f"qd.select(near{p}, {new}, {none})") for s, new in value[p]]
-        looping = [f"for k in range({slots}):", f"    j = neighbour[first + k] & {ROW_BITS}"]
+        looping = [f"for k in range({slots}):", f"    j = neighbour[k] & {ROW_BITS}"]
         return looping + [f"    {line}" for line in lines]
 
     lines = [f"def pair_{operation}({', '.join(parameters)}):", "    qd.loop_config(serialize=serial)"]
     lines += ["    for i in range(begin, end):"]
     for kinds, chosen in _by_kind(parts):
         body = [f"a = {loading.format(row='i')}", *[line for p in chosen for line in begin[p]]]
-        body += ["first = start[i]", "x = position[i]"]
+        # Slots count up as the loop does, so that neighbours which follow each other are loaded together.
+        body += ["first = qd.cast(start[i], qd.i32)", "middle = first + fluid[i]", "beyond = first + length[i]"]
+        body += ["x = position[i]"]
         if view or "kind" in reads or any(parts[p].over != ANY for p in chosen):
-            body += walk(chosen, "fluid[i]", FLUID) + walk(chosen, "fluid[i], length[i]", SOLID)
+            body += walk(chosen, "first, middle", FLUID) + walk(chosen, "middle, beyond", SOLID)
         else:
-            body += walk(chosen, "length[i]", ANY)
+            body += walk(chosen, "first, beyond", ANY)
         body += [line for p in chosen for line in end[p]]
         if where:
             body = ["if where[i] > 0:", *[f"    {line}" for line in body]]

@@ -134,6 +134,7 @@ class Particles:
         self._writes: dict[str, int] = {}
         self._signatures: dict[tuple[tuple[str, str], ...], Signature] = {}
         self._row_bytes: dict[tuple[str, ...], int] = {}
+        self._uniform: dict[str, bool] = {}
         self._origin: dict[str, tuple[Any, ...]] = {}
         self.declare(BASE_FIELDS)
         self.declare(fields)
@@ -198,6 +199,18 @@ class Particles:
             )
         return found
 
+    def uniform(self, name: str) -> bool:
+        """Return whether every row has the same number in a field that no step writes: one fluid's density, say."""
+        found = self._uniform.get(name)
+        if found is None:
+            field = self.fields[name]
+            found = field.constant and field.shape == ()
+            if found:
+                values = kernels.host(self._arrays[name])[: self.count]
+                found = self.count > 0 and bool(values.min() == values.max())
+            self._uniform[name] = found
+        return found
+
     def bytes(self) -> int:
         """Return the memory of all fields, and of what sorting needs [bytes]."""
         rows = sum(self.row_bytes([names[0]]) for names in self._sharing.values())
@@ -238,6 +251,7 @@ class Particles:
         full[: self.count] = values
         kernels.publish(array, full)
         self.changed |= name == "kind"  # lists hold fluid neighbours first
+        self._uniform.pop(name, None)
         self.written(name)
 
     def insert(self, rows: Mapping[str, ArrayLike]) -> None:
@@ -274,6 +288,7 @@ class Particles:
         self.active = self.count
         self._row_of_id_valid = False
         self._next_id = max(self._next_id + new, int(self.numpy("id").max()) + 1)
+        self._uniform.clear()
         self.changed = True
         self.written()
 
@@ -316,7 +331,7 @@ class Particles:
         return self._next_id
 
     def reorder(self, order: Any, last: int | None = None) -> None:
-        """Gather every restart field by ``order`` (device array of row numbers, int32).
+        """Gather every restart field whose rows differ by ``order`` (device array of row numbers, int32).
 
         Args:
             order: which row comes to each place.
@@ -326,19 +341,32 @@ class Particles:
         # Dry rows at the end stay where they are: the others are brought back, so that those need not be moved.
         back = last < _BRINGING_BACK * self.count
         count = last if back else self.count
-        for name, field in self.fields.items():
-            if field.restart:
-                kind = (field.value_shape(self.dimension), field.dtype is int)
-                spare = self._spares.get(kind)
-                if spare is None:
-                    spare = kernels.array(self._type(field), self.capacity)
-                source = self._arrays[name]
-                _gather_kernel(*kind, kernels.light(count), back)(source, order, spare, count)
-                if not back:
+        for group in self._moving_together():
+            for kind, name in group.items():
+                if kind not in self._spares:
+                    self._spares[kind] = kernels.array(self._type(self.fields[name]), self.capacity)
+            pairs = [(self._arrays[name], self._spares[kind]) for kind, name in group.items()]
+            kernel = _gather_kernel(tuple(group), kernels.light(count), back)
+            kernel(order, *[array for pair in pairs for array in pair], count)
+            if not back:
+                for (kind, name), (source, spare) in zip(group.items(), pairs, strict=True):
                     self._arrays[name], self._spares[kind] = spare, source
-                self.traffic += count * (4 + (4 if back else 2) * self.row_bytes([name]))
+            self.traffic += count * (4 + (4 if back else 2) * self.row_bytes(group.values()))
         self._row_of_id_valid = False
         self.written()
+
+    def _moving_together(self) -> list[dict[Any, str]]:
+        """Return the fields that sorting moves by the kind of their values, one field of a kind in each group."""
+        groups: list[dict[Any, str]] = []
+        for name, field in self.fields.items():
+            if field.restart and not self.uniform(name):
+                kind = (field.value_shape(self.dimension), field.dtype is int)
+                free = next((group for group in groups if kind not in group), None)
+                if free is None:
+                    groups.append({kind: name})
+                else:
+                    free[kind] = name
+        return groups
 
     def part(self, active: int) -> None:
         """Let only the first ``active`` rows take part in the steps; the rows behind are solid and dry.
@@ -442,22 +470,19 @@ def _part_kernel(signature: tuple[tuple[str, tuple[int, ...], bool], ...], initi
 
 
 @kernels.cached
-def _gather_kernel(shape: tuple[int, ...], integer: bool, serial: bool, back: bool) -> Any:
-    Values = kernels.array_type(kernels.value_type(shape, integer))
-    Rows = kernels.array_type(kernels.i32)
-    qd = kernels.qd
-
-    @kernels.kernel
-    def gather(source: Values, order: Rows, target: Values, count: kernels.i32):
-        qd.loop_config(serialize=serial)
-        for i in range(count):
-            target[i] = source[order[i]]
-        if kernels.static(back):
-            qd.loop_config(serialize=serial)
-            for i in range(count):
-                source[i] = target[i]
-
-    return gather
+def _gather_kernel(kinds: tuple[tuple[tuple[int, ...], bool], ...], serial: bool, back: bool) -> Any:
+    """Generate the gathering of a field of each kind by one order, and the copy ``back`` of what was gathered."""
+    scope: dict[str, Any] = {"Rows": kernels.array_type(kernels.i32), "serial": serial}
+    scope |= {f"Values{k}": kernels.array_type(kernels.value_type(*kind)) for k, kind in enumerate(kinds)}
+    numbers = range(len(kinds))
+    parameters = ["order: Rows", *[f"source{k}: Values{k}, target{k}: Values{k}" for k in numbers], "count: qd.i32"]
+    lines = [f"def gather({', '.join(parameters)}):", "    qd.loop_config(serialize=serial)"]
+    lines += ["    for i in range(count):", "        j = order[i]"]
+    lines += [f"        target{k}[i] = source{k}[j]" for k in numbers]
+    if back:
+        lines += ["    qd.loop_config(serialize=serial)", "    for i in range(count):"]
+        lines += [f"        source{k}[i] = target{k}[i]" for k in numbers]
+    return kernels.compiled("gather", "\n".join(lines) + "\n", **scope)
 
 
 @kernels.cached

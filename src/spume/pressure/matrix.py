@@ -19,7 +19,7 @@ from typing import Any
 
 from spume import kernels
 from spume.lattice import Lattice
-from spume.pairs import ROW_BITS, Pairs, Signature, load, minimum_image
+from spume.pairs import ROW_BITS, Pairs, Signature, load, minimum_image, shared
 from spume.particles import ANY, Field, Particles
 from spume.pressure.entries import Entries, arrays, matrix_type
 from spume.schemes.laplacian.base import Laplacian, Terms
@@ -68,8 +68,8 @@ class Equation:
 
 @kernels.func
 def _specific_volume(a, b):  # type: ignore[no-untyped-def]
-    # Of one fluid the same to the last bit, without a division for each pair.
-    volume = 1.0 / a.density
+    # Of one fluid the same to the last bit. The maximum changes nothing but that no pair is divided for by itself.
+    volume = max(1.0 / a.density, 0.0)
     if a.density != b.density:
         volume = 2.0 / (a.density + b.density)
     return volume
@@ -189,8 +189,8 @@ class LinearSystem:
             for n in (*near, *own)
         )
         kernel = _assembly_kernel(
-            terms, equation, signature, near, own, laplacian.weight.function(), particles.dimension, pairs.periodic,
-            len(arguments), self.real,
+            terms, equation, signature, near, own, shared(near, particles), laplacian.weight.function(),
+            particles.dimension, pairs.periodic, len(arguments), self.real,
         )  # fmt: skip
         for chunk, column, value in zip(pairs.list.chunks, self.columns, self.values, strict=True):
             kernel(
@@ -242,6 +242,9 @@ def _stretches(rows: int) -> int:
 
 _ROWS_PER_BLOCK = 64
 
+_BUFFERED = 64
+"""Coefficients of a row that are computed before any is stored."""
+
 _MORE_SLOTS = 1.1
 """Slots that are made when there are too few, as a multiple of those that are needed."""
 
@@ -280,12 +283,12 @@ def _placing_kernel(serial: bool) -> Any:
 
 @kernels.cached
 def _assembly_kernel(
-    terms: Terms, equation: Equation, signature: Signature, near: tuple[str, ...], own: tuple[str, ...], weight: Any,
-    d: int, periodic: tuple[bool, ...], n_arguments: int, value: Any,
+    terms: Terms, equation: Equation, signature: Signature, near: tuple[str, ...], own: tuple[str, ...],
+    common: tuple[str, ...], weight: Any, d: int, periodic: tuple[bool, ...], n_arguments: int, value: Any,
 ) -> Any:  # fmt: skip
     """Generate the assembly for one Laplacian model and one equation."""
     Own, loading_own = load(signature, (*near, *own))
-    Near, loading_near = load(signature, near)
+    Near, loading_near = load(signature, near, common)
     types = {n: kernels.value_type(shape, integer) for n, shape, integer in signature}
     real, spread = kernels.runtime().real, kernels.spread(_stretches(1))
     scope: dict[str, Any] = {
@@ -294,6 +297,7 @@ def _assembly_kernel(
         "Vectors": kernels.array_type(kernels.vector(d)),
         "Starts": kernels.array_type(kernels.i64), "Rows": kernels.array_type(kernels.i32),
         "Reals": kernels.array_type(real), "Values": kernels.array_type(value), "entry": value,
+        "Buffer": kernels.qd.types.vector(_BUFFERED, value),
         "missing": terms.diagonal, "leaning": terms.rhs, **vars(equation),
     }  # fmt: skip
     parameters = [
@@ -319,6 +323,7 @@ def _assembly_kernel(
         "        first_row = begin + qd.cast(rows * part // parts, qd.i32)",
         f"        beyond = qd.select(t % {spread} == 0, begin + qd.cast(rows * (part + 1) // parts, qd.i32), 0)",
         "        cursor = out_start[first_row]",
+        "        buffer = Buffer(0.0)",
         "        for i in range(first_row, beyond):",
         "            used = 0",
         "            tied = 0",
@@ -342,29 +347,40 @@ def _assembly_kernel(
         *(["                lean = Vector(0.0)"] if leaning else []),
         "                if total > 0:",
         "                    tied = 1",
-        "                for k in range(length[i]):",
-        f"                    j = neighbour[first + k] & {ROW_BITS}",
-        "                    r = position[j] - x",
-        *[f"                    {line}" for line in minimum_image(periodic)],
-        "                    rr = r.dot(r)",
-        f"                    if rr < re * re and state[j] != {ABSENT}:",
+        # The coefficients first, without branches and stores between them: that loop becomes vector instructions.
+        f"                for block in range((length[i] + {_BUFFERED - 1}) // {_BUFFERED}):",
+        f"                    slot = first + block * {_BUFFERED}",
+        f"                    here = qd.min(length[i] - block * {_BUFFERED}, {_BUFFERED})",
+        "                    for k in range(here):",
+        f"                        j = neighbour[slot + k] & {ROW_BITS}",
+        "                        r = position[j] - x",
+        *[f"                        {line}" for line in minimum_image(periodic)],
+        "                        rr = r.dot(r)",
         f"                        b = {loading_near.replace('Row(', 'Near(').format(row='j')}",
-        "                        c = scale * coefficient(a, b, r, weight(qd.sqrt(rr), re))",
-        "                        c *= pair(a, b)",
+        "                        c = scale * coefficient(a, b, r, weight(qd.sqrt(rr), re)) * pair(a, b)",
+        f"                        c = qd.select((rr < re * re) & (state[j] != {ABSENT}), c, 0)",
         *(["                        c = qd.cast(qd.cast(c, entry), real)"] if value != real else []),
         *(["                        lean += c * r"] if leaning else []),
-        f"                        if state[j] == {UNKNOWN}:",
-        "                            column[cursor + used] = j",
-        "                            value[cursor + used] = qd.cast(-c, entry)",
-        "                            used += 1",
-        "                            total += c",
-        f"                        elif state[j] == {KNOWN}:",
-        "                            total += c",
-        "                            summed += c * known(b)",
-        "                            tied = 1",
-        "                        else:",
-        "                            summed += c * flux(a, b, r)",
-        *(["                            total += c * flux_share(a, b, r)"] if equation.flux_share else []),
+        f"                        total += qd.select(state[j] == {FLUX}, 0, c)",
+        "                        buffer[k] = qd.cast(c, entry)",
+        "                    for k in range(here):",
+        f"                        j = neighbour[slot + k] & {ROW_BITS}",
+        "                        if buffer[k] != 0:",
+        f"                            if state[j] == {UNKNOWN}:",
+        "                                column[cursor + used] = j",
+        "                                value[cursor + used] = -buffer[k]",
+        "                                used += 1",
+        "                            else:",
+        f"                                b = {loading_near.replace('Row(', 'Near(').format(row='j')}",
+        "                                r = position[j] - x",
+        *[f"                                {line}" for line in minimum_image(periodic)],
+        "                                c = qd.cast(buffer[k], real)",
+        f"                                if state[j] == {KNOWN}:",
+        "                                    summed += c * known(b)",
+        "                                    tied = 1",
+        "                                else:",
+        "                                    summed += c * flux(a, b, r)",
+        *(["                                    total += c * flux_share(a, b, r)"] if equation.flux_share else []),
         *(["                summed += leaning(a, lean)"] if leaning else []),
         # A row that is tied to nothing has the value zero: its equation would be 0 x = right.
         "                if total == 0.0:",
