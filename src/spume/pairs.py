@@ -94,6 +94,7 @@ class PairSum:
         weight, re: weight function and effective radius [m].
         rows, over: kinds of the rows that sum, and of the neighbours summed over.
         arguments: numbers handed to every term.
+        fields: names that the terms read, each with the field that stands behind it.
     """
 
     terms: tuple[PairTerm, ...]
@@ -103,11 +104,13 @@ class PairSum:
     rows: int = FLUID
     over: int = ANY
     arguments: tuple[float, ...] = ()
+    fields: tuple[tuple[str, str], ...] = ()
 
     @property
     def made_of(self) -> tuple[str, ...]:
         """Names of the fields that the sum depends on."""
-        return tuple(dict.fromkeys(("position", *(n for term in self.terms for n in term.reads))))
+        behind = dict(self.fields)
+        return tuple(dict.fromkeys(("position", *(behind.get(n, n) for term in self.terms for n in term.reads))))
 
 
 @dataclass(frozen=True)
@@ -202,11 +205,12 @@ def pair_sum(
 def pair_sums(sums: Sequence[PairSum], particles: Particles, pairs: Pairs) -> None:
     """Make several sums in one pass over the list, without those that their fields hold already.
 
-    A sum is kept as long as nobody writes its field, the positions, or a field that its terms read.
+    A sum is kept as long as nobody writes its field, the positions, or a field that its terms read. What one sum calls
+    by another name than its field, no other sum of the pass may read by that name.
     """
     missing = [s for s in sums if not all(particles.keeps(n, (s,), s.made_of) for n in s.out)]
     if missing:
-        _reduce("sum", tuple(missing), particles, pairs, None, None)
+        _reduce("sum", tuple(missing), particles, pairs, dict(f for s in missing for f in s.fields), None)
     for s in missing:
         for n in s.out:
             particles.keep(n, (s,), s.made_of)

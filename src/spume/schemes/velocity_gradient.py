@@ -1,7 +1,7 @@
 """The velocity's gradient, exact for linear fields, and what it says of the volume over a step."""
 
 from spume.lattice import Lattice
-from spume.pairs import Pairs, pair_sum, pair_sums, pair_term, row_map, row_term
+from spume.pairs import Pairs, PairSum, pair_sums, pair_term, row_map, row_term
 from spume.particles import FLUID, WALL, Field, Particles
 from spume.schemes.correction import floored_inverse, second_moment_sum, symmetric_matrix
 from spume.schemes.divergence.base import mirrored
@@ -42,16 +42,19 @@ def velocity_gradient(
         mirror: see ``Divergence``; wall rows then have none.
         floor: least eigenvalue of the inverse of C; another than the divergence's means a second pass.
     """
+    pair_sums((velocity_gradient_sum(operator, lattice, particles, pairs, mirror, floor),), particles, pairs)
+
+
+def velocity_gradient_sum(
+    operator: Operator, lattice: Lattice, particles: Particles, pairs: Pairs, mirror: bool, floor: float
+) -> PairSum:
+    """Return the sum that `velocity_gradient` makes, having made the second moment that it needs."""
     rows = FLUID if mirror else FLUID | WALL
-    recipe, made_of = (operator.weight, operator.re, mirror, floor), ("position", "velocity")
-    if particles.keeps("predicted_gradient", recipe, made_of):
-        return
     pair_sums((second_moment_sum(operator, lattice, rows=rows),), particles, pairs)
-    pair_sum(
-        spread, particles, pairs, out="predicted_gradient", weight=operator.weight, re=operator.radius(lattice),
-        rows=rows, arguments=(lattice.dimension / operator.n0(lattice), float(mirror), floor),
+    return PairSum(
+        (spread,), ("predicted_gradient",), operator.weight, operator.radius(lattice), rows,
+        arguments=(lattice.dimension / operator.n0(lattice), float(mirror), floor),
     )  # fmt: skip
-    particles.keep("predicted_gradient", recipe, made_of)
 
 
 def keep_volume(operator: Operator, lattice: Lattice, particles: Particles, pairs: Pairs, mirror: bool) -> None:

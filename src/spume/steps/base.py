@@ -260,9 +260,12 @@ def nested(scheme: Scheme) -> Iterator[Scheme]:
             yield from nested(value)
 
 
-def sum_positions(step: Step, domain: Domain) -> None:
-    """Make in one pass the sums over positions alone that the models of a step ask for where it starts."""
-    models = (step.number_density, step.wall_model, step.free_surface, step.divergence)
+def sum_at_start(step: Step, domain: Domain) -> None:
+    """Make in one pass the sums that the models of a step ask for where it starts.
+
+    They are sums over positions alone, and the viscosity's, to which solid rows must have been shown.
+    """
+    models = (step.number_density, step.wall_model, step.free_surface, step.divergence, step.viscosity)
     pair_sums([s for model in models for s in model.sums(domain.lattice)], domain.particles, domain.pairs)
 
 

@@ -31,7 +31,7 @@ from spume.steps.base import (
     corrected,
     moved,
     solve_pressure,
-    sum_positions,
+    sum_at_start,
     surface_pressure,
 )
 
@@ -77,14 +77,15 @@ class ProjectInPlace(Projection, name="project-in-place"):
         with domain.stages("search"):
             removed = pairs.update(particles)
         with domain.stages("forces"):
-            sum_positions(self, domain)
+            accelerate(domain, t, dt)
+            self.wall_model.show_slip(lattice, particles, pairs)
+            sum_at_start(self, domain)
             self.number_density(lattice, particles, pairs)
             self.wall_model.count_fluid(lattice, particles, pairs)
             self.free_surface(lattice, particles, pairs, self.number_density)
             self.source.remember(lattice, particles, pairs, self.number_density, self.wall_model.mirror)
-            accelerate(domain, t, dt)
-            self.wall_model.show_slip(lattice, particles, pairs)
-            self.viscosity(lattice, particles, pairs, dt)
+            if not self.viscosity.sums(lattice):
+                self.viscosity(lattice, particles, pairs, dt)
             for body in bodies:
                 body.force(particles, pairs, dt)
             row_map(accelerated, particles, out="velocity", rows=self.wall_model.predicted, arguments=(dt,))

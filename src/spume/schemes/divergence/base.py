@@ -2,7 +2,7 @@
 
 from spume import kernels
 from spume.lattice import Lattice
-from spume.pairs import Pairs
+from spume.pairs import Pairs, PairSum
 from spume.particles import FLUID, Particles
 from spume.schemes.operator import Operator
 
@@ -28,3 +28,12 @@ class Divergence(Operator, family="divergence"):
                 counts twice, the tangential part not at all.
         """
         raise NotImplementedError
+
+    def sums_of_velocity(
+        self, lattice: Lattice, particles: Particles, pairs: Pairs, mirror: bool
+    ) -> tuple[PairSum, ...]:
+        """Return the sums that the model makes of the velocity, having made what they need.
+
+        A source may make them in one pass with its own; the model then finds them kept.
+        """
+        return ()

@@ -9,7 +9,7 @@ from spume.pairs import Pairs, PairSum, row_map, row_term
 from spume.particles import FLUID, WALL, Particles
 from spume.schemes.correction import SECOND_MOMENT, second_moment_sum
 from spume.schemes.divergence.base import Divergence
-from spume.schemes.velocity_gradient import FLOOR, VELOCITY_GRADIENT, velocity_gradient
+from spume.schemes.velocity_gradient import FLOOR, VELOCITY_GRADIENT, velocity_gradient, velocity_gradient_sum
 
 
 @row_term(reads=("predicted_gradient",))
@@ -37,6 +37,12 @@ class Bounded(Divergence, name="bounded"):
     def sums(self, lattice: Lattice) -> tuple[PairSum, ...]:
         """Return the second moment of the neighbours of fluid rows."""
         return (second_moment_sum(self, lattice),)
+
+    def sums_of_velocity(
+        self, lattice: Lattice, particles: Particles, pairs: Pairs, mirror: bool
+    ) -> tuple[PairSum, ...]:
+        """Return the gradient of the velocity."""
+        return (velocity_gradient_sum(self, lattice, particles, pairs, mirror, self.floor),)
 
     def __call__(self, lattice: Lattice, particles: Particles, pairs: Pairs, out: str, mirror: bool = False) -> None:
         """Write the divergence of ``velocity`` [1/s] at fluid and wall rows into ``out``."""

@@ -6,7 +6,7 @@ from pydantic import Field as Parameter
 
 from spume.kernels import qd
 from spume.lattice import Lattice
-from spume.pairs import Pairs, RowMap, pair_sum, pair_term, row_maps, row_term
+from spume.pairs import Pairs, PairSum, RowMap, pair_sums, pair_term, row_maps, row_term
 from spume.particles import FLUID, WALL, Field, Particles
 from spume.schemes.source.base import Source, volume_error
 
@@ -76,18 +76,18 @@ class DivergenceDensity(Source, name="divergence-density"):
         divergence: Any, number_density: Any, mirror: bool,
     ) -> None:  # fmt: skip
         """Write ``source`` of fluid and wall rows."""
-        divergence(lattice, particles, pairs, out="divergence", mirror=mirror)
         n0 = number_density.n0(lattice)
         errors = [RowMap(own_error, "volume_error", FLUID | WALL, (n0,))]
         if "images_density" in particles.fields:  # of a free surface with images
             errors.append(RowMap(own_error_with_images, "volume_error", FLUID, (n0,)))
         sources = [RowMap(relaxed, "source", FLUID | WALL, (dt, self.gamma))]
+        row_maps(errors, particles)
         if self.smoothed:
-            row_maps(errors, particles)
-            pair_sum(
-                (error_of_neighbour, weight_of_neighbour), particles, pairs, out=("error_around", "weight_around"),
-                weight=number_density.weight, re=number_density.radius(lattice), over=FLUID,
+            around = PairSum(
+                (error_of_neighbour, weight_of_neighbour), ("error_around", "weight_around"), number_density.weight,
+                number_density.radius(lattice), over=FLUID,
             )  # fmt: skip
-            row_maps([RowMap(mean_error, "volume_error", FLUID), *sources], particles)
-        else:
-            row_maps([*errors, *sources], particles)
+            pair_sums((*divergence.sums_of_velocity(lattice, particles, pairs, mirror), around), particles, pairs)
+            sources.insert(0, RowMap(mean_error, "volume_error", FLUID))
+        divergence(lattice, particles, pairs, out="divergence", mirror=mirror)
+        row_maps(sources, particles)

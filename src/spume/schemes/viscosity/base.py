@@ -5,7 +5,7 @@ from math import inf
 from spume import kernels
 from spume.lattice import Lattice
 from spume.named import Scheme
-from spume.pairs import Pairs
+from spume.pairs import Pairs, PairSum
 from spume.particles import FLUID, Particles
 from spume.schemes.laplacian.base import Laplacian
 
@@ -32,6 +32,13 @@ def refuse_lagged(laplacian: Laplacian) -> None:
 
 class Viscosity(Scheme, family="viscosity"):
     """Adds the viscous acceleration to fluid rows."""
+
+    def sums(self, lattice: Lattice) -> tuple[PairSum, ...]:
+        """Return the sums over pairs that are all it does, where nothing has to be made ready for them, or none.
+
+        A step may make them in one pass with others, and then does not call the viscosity.
+        """
+        return ()
 
     def __call__(self, lattice: Lattice, particles: Particles, pairs: Pairs, dt: float) -> None:
         """Add div(mu grad u)/rho to ``acceleration`` [m/s^2]."""

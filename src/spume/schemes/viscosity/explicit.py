@@ -7,7 +7,7 @@ from pydantic import model_validator
 
 from spume import kernels
 from spume.lattice import Lattice
-from spume.pairs import Pairs, PairTerm, pair_sum, pair_term
+from spume.pairs import Pairs, PairSum, PairTerm, pair_sums, pair_term
 from spume.particles import Particles
 from spume.schemes.laplacian.base import Laplacian, Terms
 from spume.schemes.laplacian.original import Original
@@ -44,12 +44,20 @@ class Explicit(Viscosity, name="explicit"):
 
     def __call__(self, lattice: Lattice, particles: Particles, pairs: Pairs, dt: float) -> None:
         """Add div(mu grad u)/rho to ``acceleration`` [m/s^2]; neighbours take part with ``slip_velocity``."""
-        model = self.laplacian
         viscosity = self.turbulence(lattice, particles, pairs)
-        model.prepare(lattice, particles, pairs)
-        pair_sum(
-            _term(model.terms()), particles, pairs, out="acceleration", weight=model.weight,
-            re=model.radius(lattice), arguments=(model.scale(lattice),), fields={"viscosity": viscosity},
+        self.laplacian.prepare(lattice, particles, pairs)
+        pair_sums((self._sum(lattice, viscosity),), particles, pairs)
+
+    def sums(self, lattice: Lattice) -> tuple[PairSum, ...]:
+        """Return its one sum, where neither turbulence nor Laplacian have to be made ready for it."""
+        ready = isinstance(self.turbulence, Laminar) and type(self.laplacian).prepare is Laplacian.prepare
+        return (self._sum(lattice, "kinematic_viscosity"),) if ready else ()
+
+    def _sum(self, lattice: Lattice, viscosity: str) -> PairSum:
+        model = self.laplacian
+        return PairSum(
+            (_term(model.terms()),), ("acceleration",), model.weight, model.radius(lattice),
+            arguments=(model.scale(lattice),), fields=(("viscosity", viscosity),),
         )  # fmt: skip
 
     def largest(self, particles: Particles, material: float) -> float:
