@@ -14,6 +14,8 @@ class Turbulence(Operator, family="turbulence"):
     """A model of the eddy viscosity nu_t of sub-particle-scale motion."""
 
     needs: ClassVar[tuple[Field, ...]] = ()
+    given: ClassVar[str] = ""
+    """Field that holds nu + nu_t without anything being computed, or nothing."""
 
     def __call__(self, lattice: Lattice, particles: Particles, pairs: Pairs) -> str:
         """Return the name of the field that holds nu + nu_t [m^2/s]; neighbours show ``slip_velocity``."""

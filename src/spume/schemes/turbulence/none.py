@@ -12,7 +12,8 @@ class Laminar(Turbulence, name="none"):
     """What the particles resolve is all the motion there is: nothing is added."""
 
     order: ClassVar = None
+    given: ClassVar = "kinematic_viscosity"
 
     def __call__(self, lattice: Lattice, particles: Particles, pairs: Pairs) -> str:
         """Return ``kinematic_viscosity``."""
-        return "kinematic_viscosity"
+        return self.given

@@ -50,8 +50,8 @@ class Explicit(Viscosity, name="explicit"):
 
     def sums(self, lattice: Lattice) -> tuple[PairSum, ...]:
         """Return its one sum, where neither turbulence nor Laplacian have to be made ready for it."""
-        ready = isinstance(self.turbulence, Laminar) and type(self.laplacian).prepare is Laplacian.prepare
-        return (self._sum(lattice, "kinematic_viscosity"),) if ready else ()
+        ready = self.turbulence.given and type(self.laplacian).prepare is Laplacian.prepare
+        return (self._sum(lattice, self.turbulence.given),) if ready else ()
 
     def _sum(self, lattice: Lattice, viscosity: str) -> PairSum:
         model = self.laplacian
