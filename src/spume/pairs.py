@@ -13,7 +13,6 @@ that is not declared is not there: reading it does not compile.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -358,9 +357,7 @@ def _reduce(
     particles.visits += 1
 
 
-def shared(
-    reads: Sequence[str], particles: Particles, behind: Mapping[str, str] = MappingProxyType({})
-) -> tuple[str, ...]:
+def shared(reads: Sequence[str], particles: Particles, behind: Mapping[str, str]) -> tuple[str, ...]:
     """Return which of the names read stand for a number that all rows have: a neighbour's is the row's own."""
     return tuple(n for n in reads if particles.uniform(behind.get(n, n)))
 

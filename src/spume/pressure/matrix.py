@@ -189,7 +189,7 @@ class LinearSystem:
             for n in (*near, *own)
         )
         kernel = _assembly_kernel(
-            terms, equation, signature, near, own, shared(near, particles), laplacian.weight.function(),
+            terms, equation, signature, near, own, shared(near, particles, {}), laplacian.weight.function(),
             particles.dimension, pairs.periodic, len(arguments), self.real,
         )  # fmt: skip
         for chunk, column, value in zip(pairs.list.chunks, self.columns, self.values, strict=True):

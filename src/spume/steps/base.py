@@ -1,6 +1,6 @@
 """The family of steps, and the row formulas that steps share."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from math import inf, sqrt
 from typing import ClassVar, Literal, Self
 
@@ -10,7 +10,7 @@ from pydantic import model_validator
 from spume import kernels
 from spume.domain import Domain
 from spume.named import Scheme
-from spume.pairs import pair_sums, row_map, row_term
+from spume.pairs import PairSum, pair_sums, row_map, row_term
 from spume.particles import ANY, FLUID, WALL, Field, Particles
 from spume.pressure.base import Solver
 from spume.pressure.components import COMPONENT
@@ -260,13 +260,11 @@ def nested(scheme: Scheme) -> Iterator[Scheme]:
             yield from nested(value)
 
 
-def sum_at_start(step: Step, domain: Domain) -> None:
-    """Make in one pass the sums that the models of a step ask for where it starts.
-
-    They are sums over positions alone, and the viscosity's, to which solid rows must have been shown.
-    """
-    models = (step.number_density, step.wall_model, step.free_surface, step.divergence, step.viscosity)
-    pair_sums([s for model in models for s in model.sums(domain.lattice)], domain.particles, domain.pairs)
+def sum_at_start(step: Step, domain: Domain, more: Sequence[PairSum] = ()) -> None:
+    """Make in one pass the sums over positions that the models of a step ask for where it starts, and ``more``."""
+    models = (step.number_density, step.wall_model, step.free_surface, step.divergence)
+    sums = [s for model in models for s in model.sums(domain.lattice)]
+    pair_sums((*sums, *more), domain.particles, domain.pairs)
 
 
 def accelerate(domain: Domain, t: float, dt: float) -> None:

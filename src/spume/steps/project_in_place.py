@@ -79,12 +79,13 @@ class ProjectInPlace(Projection, name="project-in-place"):
         with domain.stages("forces"):
             accelerate(domain, t, dt)
             self.wall_model.show_slip(lattice, particles, pairs)
-            sum_at_start(self, domain)
+            viscous = self.viscosity.as_sums(lattice)
+            sum_at_start(self, domain, viscous)
             self.number_density(lattice, particles, pairs)
             self.wall_model.count_fluid(lattice, particles, pairs)
             self.free_surface(lattice, particles, pairs, self.number_density)
             self.source.remember(lattice, particles, pairs, self.number_density, self.wall_model.mirror)
-            if not self.viscosity.sums(lattice):
+            if not viscous:
                 self.viscosity(lattice, particles, pairs, dt)
             for body in bodies:
                 body.force(particles, pairs, dt)

@@ -33,7 +33,7 @@ def refuse_lagged(laplacian: Laplacian) -> None:
 class Viscosity(Scheme, family="viscosity"):
     """Adds the viscous acceleration to fluid rows."""
 
-    def sums(self, lattice: Lattice) -> tuple[PairSum, ...]:
+    def as_sums(self, lattice: Lattice) -> tuple[PairSum, ...]:
         """Return the sums over pairs that are all it does, where nothing has to be made ready for them, or none.
 
         A step may make them in one pass with others, and then does not call the viscosity.

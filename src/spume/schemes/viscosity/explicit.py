@@ -48,7 +48,7 @@ class Explicit(Viscosity, name="explicit"):
         self.laplacian.prepare(lattice, particles, pairs)
         pair_sums((self._sum(lattice, viscosity),), particles, pairs)
 
-    def sums(self, lattice: Lattice) -> tuple[PairSum, ...]:
+    def as_sums(self, lattice: Lattice) -> tuple[PairSum, ...]:
         """Return its one sum, where neither turbulence nor Laplacian have to be made ready for it."""
         ready = self.turbulence.given and type(self.laplacian).prepare is Laplacian.prepare
         return (self._sum(lattice, self.turbulence.given),) if ready else ()
