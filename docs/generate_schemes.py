@@ -30,7 +30,7 @@ TITLES = {
     "collision": "Collisions", "divergence": "Divergence", "free_surface": "Free surface", "gradient": "Gradient",
     "laplacian": "Laplacian", "number_density": "Number density", "shifting": "Particle shifting",
     "source": "Source of the pressure equation", "step": "Weakly compressible step", "turbulence": "Turbulence",
-    "viscosity": "Viscosity", "weight": "Weight functions",
+    "viscosity": "Viscosity", "wall_function": "Wall functions", "weight": "Weight functions",
 }  # fmt: skip
 MEASURED = ("gradient", "divergence", "laplacian")
 WAVE = f"wave of {2 * 3.14159265 / measured.WAVE_NUMBER:.0f} l0"

@@ -12,7 +12,7 @@ PAGES = {
     family: f"schemes/{family}.md"
     for family in (
         "collision", "divergence", "free_surface", "gradient", "laplacian", "number_density", "shifting", "source",
-        "turbulence", "viscosity", "weight",
+        "turbulence", "viscosity", "wall_function", "weight",
     )
 }  # fmt: skip
 """Families with a page of their own, from the folder docs."""

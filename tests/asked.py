@@ -7,6 +7,7 @@ from reference.cloud import DT, DT_BEFORE
 from reference.collision import walls
 from reference.step import SOUND, density_at_start
 from reference.viscosity import slipping
+from reference.wall_function import thin
 from spume.domain import Domain
 from spume.gravity import Constant
 from spume.particles import FLUID, WALL
@@ -16,6 +17,7 @@ from spume.schemes.free_surface.base import SURFACE_SHARE
 from spume.schemes.laplacian.original import Original as OriginalLaplacian
 from spume.schemes.number_density.base import Original as NumberDensity
 from spume.schemes.source.base import DIVERGENCE, SOURCE
+from spume.schemes.viscosity.explicit import Explicit
 from spume.steps.base import nested
 from spume.wall_models.base import WALL_FIELDS
 
@@ -224,8 +226,23 @@ def turbulence(scheme, cloud, share=None):
     return rows.get(scheme(*rows.handles))
 
 
+def wall_function(scheme, cloud, share=None):
+    """Return the viscous acceleration of the fluid rows, where some rows are solid."""
+    solid, to_surface = walls(cloud)
+    slip = (solid & slipping(cloud)).astype(int)
+    model = Explicit(wall_function=scheme)
+    rows = Rows(
+        model, cloud, share, to_surface=to_surface, slip=slip, wall_velocity=cloud.u_before, slip_velocity=cloud.u,
+        kinematic_viscosity=thin(cloud),
+    )  # fmt: skip
+    rows.put(kind=np.where(solid, WALL, FLUID))
+    model(*rows.handles, DT)
+    return np.where(solid[:, None], 0.0, rows.get("acceleration"))
+
+
 ASK = {
     "collision": collision, "divergence": divergence, "free_surface": free_surface, "gradient": gradient,
     "laplacian": laplacian, "number_density": number_density, "shifting": shifting, "source": source,
     "step": step, "turbulence": turbulence, "viscosity": viscosity,
+    "wall_function": wall_function,
 }  # fmt: skip

@@ -45,3 +45,20 @@ def test_a_step_given_as_an_object_is_taken_as_it_is():
     del document["step"]
     case = Case(**document | {"preset": "confined"}, step=ProjectInPlace())
     assert case.step == ProjectInPlace()
+
+
+def test_a_table_that_names_no_model_changes_the_one_of_the_preset():
+    violent = load("dam-break", ["preset=violent"]).step.viscosity
+    mine = load("dam-break", ["preset=violent", "step.viscosity.turbulence.constant=0.1"]).step.viscosity
+    assert mine == violent.model_copy(update={"turbulence": violent.turbulence.model_copy(update={"constant": 0.1})})
+    other = load("dam-break", ["preset=violent", "step.viscosity={name='explicit'}"]).step.viscosity
+    assert other.wall_function.key == "none", "one that names its model is about that model alone"
+
+
+def test_a_table_that_names_no_model_changes_the_one_of_the_step():
+    """The step's own viscosity has another laplacian than the viscosity's default."""
+    usual = ProjectInPlace().viscosity
+    mine = load("standing-wave", ["step.viscosity.turbulence=smagorinsky"]).step.viscosity
+    assert (mine.laplacian, mine.turbulence.key) == (usual.laplacian, "smagorinsky")
+    wider = load("standing-wave", ["step.number_density.re=3.1", "body.tank.layers=4"]).step.number_density
+    assert wider == ProjectInPlace().number_density.model_copy(update={"re": 3.1})

@@ -100,11 +100,20 @@ class Parameters(BaseModel):
 
     @classmethod
     def _completed(cls, key: str, item: Any) -> Any:
-        """Let a table that does not say which scheme it is about be about the default one."""
-        default = cls.model_fields[key].default
-        if isinstance(item, Mapping) and isinstance(default, Scheme) and default.selector not in item:
-            return {default.selector: default.key, **item}
+        """Let a table that does not say which scheme it is about be about the default one, as it is there."""
+        return _about(cls.model_fields[key].default, item)
+
+
+def _about(default: Any, item: Any) -> Any:
+    """Return a table about a scheme, with what the default sets where the table names no scheme of its own."""
+    if not (isinstance(item, Mapping) and isinstance(default, Scheme)) or default.selector in item:
         return item
+    own = {name: getattr(default, name) for name in sorted(default.model_fields_set)}
+    return {
+        default.selector: default.key,
+        **{name: value for name, value in own.items() if name not in item},
+        **{name: _about(own.get(name), value) for name, value in item.items()},
+    }
 
 
 SMALLEST, LARGEST = 1e-100, 1e18

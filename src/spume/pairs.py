@@ -202,12 +202,12 @@ def pair_sum(
 
 
 def pair_sums(sums: Sequence[PairSum], particles: Particles, pairs: Pairs) -> None:
-    """Make several sums in one pass over the list, without those that their fields hold already.
+    """Make several sums in one pass over the list, each once, without those that their fields hold already.
 
     A sum is kept as long as nobody writes its field, the positions, or a field that its terms read. What one sum calls
     by another name than its field, no other sum of the pass may read by that name.
     """
-    missing = [s for s in sums if not all(particles.keeps(n, (s,), s.made_of) for n in s.out)]
+    missing = [s for s in dict.fromkeys(sums) if not all(particles.keeps(n, (s,), s.made_of) for n in s.out)]
     if missing:
         _reduce("sum", tuple(missing), particles, pairs, dict(f for s in missing for f in s.fields), None)
     for s in missing:

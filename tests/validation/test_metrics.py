@@ -15,6 +15,7 @@ from spume.validation.cases import (
     sloshing,
     taylor_green,
 )
+from spume.validation.study import mean_over_time, rms_over_time
 
 
 class Known:
@@ -118,13 +119,24 @@ def test_peaks_of_sloshing_are_single_values_near_the_impacts():
     assert sloshing.TIME not in short
 
 
+def test_rms_over_time_does_not_depend_on_where_the_points_lie():
+    """x - 1 against 0 from 0 to 3 has the mean square 1 and the mean 1/2, however its points are distributed."""
+    for t in (np.array([0.0, 3.0]), np.array([0.0, 0.1, 0.2, 0.3, 3.0]), np.linspace(-1.0, 5.0, 70)):
+        series, nothing = (t, t - 1.0), (np.array([-2.0, 0.7, 9.0]), np.zeros(3))
+        assert rms_over_time(series, nothing, (0.0, 3.0)) == pytest.approx(1.0, rel=1e-12)
+        assert mean_over_time(series, nothing, (0.0, 3.0)) == pytest.approx(0.5, rel=1e-12)
+    short = (t[t < 2.0], np.full((t < 2.0).sum(), 2.0))
+    assert rms_over_time(short, nothing, (0.0, 3.0)) == pytest.approx(2.0), "as far as it goes"
+
+
 def test_the_dam_break_reports_what_the_case_compared(monkeypatch):
     monkeypatch.delenv("SPUME_REFERENCE_DATA", raising=False)
     entry = {"rms": 0.2, "peak": 1.9, "shift": 0.05, "arrival": 2.4}
     comparison = [{"gauge": f"pressure-{k}", **entry} for k in range(1, 5)] + [{"gauge": "level-1", "rms": 0.03}]
     gauges = {f"pressure-{k}": {"time": np.arange(3.0), "pressure": np.zeros(3)} for k in range(1, 5)}
     found = dam_break.measure(Known(gauges=gauges, summary={"comparison": comparison}))
-    assert found.metrics[dam_break.PRESSURES[3]] == 0.2
+    assert found.metrics[f"{dam_break.PRESSURES[3]}, at the instants of the built-in table"] == 0.2
+    assert found.metrics[dam_break.PRESSURES[3]] == pytest.approx(0.479, abs=0.001), "of nothing against the table"
     assert found.metrics[dam_break.PEAK] == 0.0, "of the whole series, not that of the window"
     assert found.metrics[dam_break.LEVELS[0]] == 0.03
     assert found.curves["z = 3 mm"][0][0] == 0.05, "shifted as the comparison was"

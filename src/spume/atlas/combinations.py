@@ -63,6 +63,10 @@ FORMS = {
     "source divergence-density, 0.2": "step.source={name='divergence-density', gamma=0.2}",
     "source divergence-density, smoothed, 0.01": "step.source={name='divergence-density', smoothed=true, gamma=0.01}",
     "number_density with weight inverse": "step.number_density.weight='inverse'",
+    "viscosity explicit, wall function": "step.viscosity.wall_function='power-law'",
+    "viscosity explicit, turbulence and wall function": (
+        "step.viscosity={name='explicit', laplacian='distance', turbulence='smagorinsky', wall_function='power-law'}"
+    ),
     "viscosity explicit, laplacian original": "step.viscosity.laplacian='original'",
     "volume_order 1": "step.volume_order=1",
     "courant 0.1": "time.courant=0.1",

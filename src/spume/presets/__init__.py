@@ -1,7 +1,8 @@
 """Presets: models for a class of problems, chosen from the atlas, each a TOML file of this folder found by its name.
 
-A preset holds defaults of the tables ``step`` and ``time`` of a case. What a case says goes before them, key by key;
-the table ``step`` of a preset is about one algorithm and says nothing where a case chooses another.
+A preset holds defaults of the tables ``step`` and ``time`` of a case. What a case says goes before them, key by key,
+also inside a table that names no model of its own. The table ``step`` of a preset is about one algorithm and says
+nothing where a case chooses another.
 """
 
 from __future__ import annotations
@@ -44,5 +45,16 @@ def applied(name: str, document: Mapping[str, Any], usual_step: str) -> dict[str
             defaults = {"name": usual_step, **defaults}
             if given.get("name", defaults["name"]) != defaults["name"]:
                 continue
-        result[key] = {**defaults, **given}
+        result[key] = _together(defaults, given)
+    return result
+
+
+def _together(defaults: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what is given and the defaults of the rest; a table that names no model is about the default one."""
+    result = {**defaults, **given}
+    for key in defaults.keys() & given.keys():
+        one, other = defaults[key], given[key]
+        one = {"name": one} if isinstance(one, str) else one
+        if isinstance(one, Mapping) and isinstance(other, Mapping) and "name" not in other:
+            result[key] = _together(one, other)
     return result

@@ -261,8 +261,8 @@ def nested(scheme: Scheme) -> Iterator[Scheme]:
 
 
 def sum_at_start(step: Step, domain: Domain, more: Sequence[PairSum] = ()) -> None:
-    """Make in one pass the sums over positions that the models of a step ask for where it starts, and ``more``."""
-    models = (step.number_density, step.wall_model, step.free_surface, step.divergence)
+    """Make in one pass the sums that the models of a step ask for where it starts, and ``more``."""
+    models = (step.number_density, step.wall_model, step.free_surface, step.divergence, step.viscosity)
     sums = [s for model in models for s in model.sums(domain.lattice)]
     pair_sums((*sums, *more), domain.particles, domain.pairs)
 

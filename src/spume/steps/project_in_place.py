@@ -81,12 +81,12 @@ class ProjectInPlace(Projection, name="project-in-place"):
             self.wall_model.show_slip(lattice, particles, pairs)
             viscous = self.viscosity.as_sums(lattice)
             sum_at_start(self, domain, viscous)
+            if not viscous:
+                self.viscosity(lattice, particles, pairs, dt)
             self.number_density(lattice, particles, pairs)
             self.wall_model.count_fluid(lattice, particles, pairs)
             self.free_surface(lattice, particles, pairs, self.number_density)
             self.source.remember(lattice, particles, pairs, self.number_density, self.wall_model.mirror)
-            if not viscous:
-                self.viscosity(lattice, particles, pairs, dt)
             for body in bodies:
                 body.force(particles, pairs, dt)
             row_map(accelerated, particles, out="velocity", rows=self.wall_model.predicted, arguments=(dt,))

@@ -192,6 +192,32 @@ def rms(values: Iterable[float] | NDArray[np.float64]) -> float:
     return float(np.sqrt(np.mean(np.square(np.asarray(values, dtype=float)))))
 
 
+def rms_over_time(series: Curve, reference: Curve, window: tuple[float, float]) -> float:
+    """Return the root of the mean over time of (series - reference)^2, both linear between their points.
+
+    The mean ends where the series does. An rms over the points of one of them would count most where its points are
+    closest.
+    """
+    t, e = _difference(series, reference, window)
+    # The integral of the square of a function that is linear between its points.
+    squares = np.diff(t) * (e[1:] ** 2 + e[1:] * e[:-1] + e[:-1] ** 2) / 3
+    return float(np.sqrt(squares.sum() / (t[-1] - t[0])))
+
+
+def mean_over_time(series: Curve, reference: Curve, window: tuple[float, float]) -> float:
+    """Return the mean over time of series - reference, as `rms_over_time`."""
+    t, e = _difference(series, reference, window)
+    return float((np.diff(t) * (e[1:] + e[:-1]) / 2).sum() / (t[-1] - t[0]))
+
+
+def _difference(series: Curve, reference: Curve, window: tuple[float, float]) -> Curve:
+    """Return the instants of both curves in the window, its ends included, and series - reference at them."""
+    begin, end = max(window[0], series[0][0]), min(window[1], series[0][-1])
+    t = np.unique(np.concatenate((series[0], reference[0], (begin, end))))
+    t = t[(t >= begin) & (t <= end)]
+    return t, np.interp(t, *series) - np.interp(t, *reference)
+
+
 def reference_file(name: str) -> Path | None:
     """Return a file of the full reference series, where ``SPUME_REFERENCE_DATA`` names their folder."""
     folder = os.environ.get(REFERENCE_DATA)

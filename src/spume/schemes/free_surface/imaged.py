@@ -10,12 +10,23 @@ from spume.schemes.free_surface.base import nothing
 from spume.schemes.free_surface.blended import Blended
 from spume.schemes.surface_images import IMAGE_FIELDS, IMAGES_DENSITY, density_of_images, surface_images
 
+LEAST_FLUID = 0.2
+"""Part of n that fluid brings at least to a row inside the fluid, in a corner of two or three walls too [1]."""
+
 
 @row_term(reads=("surface_share", "density", "number_density", "images", "surface_distance"))
 def images(a, scale, n0, missing, flat, l0):  # type: ignore[no-untyped-def]
     # A sheet of one row has surfaces on both sides, whose crowding cancels; it misses twice as many neighbours.
     beyond = (1.0 - a.number_density / n0) / missing - 1.0
     return scale / a.density * a.surface_share * max(a.images.norm() / a.surface_distance, 2.0 * beyond * flat / l0)
+
+
+@row_term(reads=("surface_diagonal", "number_density", "solid_density", "density"))
+def held_alone(a, scale):  # type: ignore[no-untyped-def]
+    # What has walls around it and hardly any fluid is no inside of anything, however crowded it is.
+    share = 1.0 - a.solid_density / max(a.number_density, 1e-30)
+    alone = min(max(1.0 - share / LEAST_FLUID, 0.0), 1.0)
+    return a.surface_diagonal + scale / a.density * alone / (1.02 - alone)
 
 
 class Imaged(Blended, name="imaged"):
@@ -50,6 +61,7 @@ class Imaged(Blended, name="imaged"):
             RowMap(nothing, "surface_diagonal", FLUID | WALL),
             RowMap(nothing, "surface_value", FLUID | WALL),
             RowMap(images, "surface_diagonal", arguments=measures, where="surface_share"),
+            RowMap(held_alone, "surface_diagonal", arguments=(2.0 * d / laplacian.lambda_(lattice),)),
         )
         row_maps(maps, particles)
 

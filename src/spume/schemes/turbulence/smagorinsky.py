@@ -6,31 +6,27 @@ import numpy as np
 from pydantic import Field as Parameter
 
 from spume.lattice import Lattice
-from spume.pairs import Pairs, pair_sum, pair_term, row_map, row_term
-from spume.particles import FLUID, Field, Particles
-from spume.schemes.correction import CORRECTION, moment
+from spume.pairs import Pairs, PairSum, pair_sums, pair_term, row_map, row_term
+from spume.particles import Field, Particles
+from spume.schemes.correction import SECOND_MOMENT, inverse_or_identity, second_moment_sum, symmetric_matrix
 from spume.schemes.turbulence.base import EFFECTIVE_VISCOSITY, Turbulence
 
-VELOCITY_GRADIENT = Field("velocity_gradient", ("d", "d"), "1/s", "du_i/dx_j, exact for linear fields")
+SLIP_GRADIENT = Field(
+    "slip_gradient", ("d", "d"), "1/s", "sum of W u_ij (x) r/r^2, with images of the fluid in walls",
+    scratch="turbulence",
+)  # fmt: skip
 
 
-def _scaled(a, total, scale, limit):  # type: ignore[no-untyped-def]
-    return scale * total
-
-
-@pair_term(reads=("slip_velocity",), shape=("d", "d"), finish=_scaled)
-def dyad(a, b, r, w, scale, limit):  # type: ignore[no-untyped-def]
+@pair_term(reads=("slip_velocity",), shape=("d", "d"))
+def dyad(a, b, r, w):  # type: ignore[no-untyped-def]
     return (b.slip_velocity - a.slip_velocity).outer_product(r) * (w / r.dot(r))
 
 
-@row_term(reads=("velocity_gradient", "correction"))
-def corrected(a):  # type: ignore[no-untyped-def]
-    return a.velocity_gradient @ a.correction
-
-
-@row_term(reads=("velocity_gradient", "kinematic_viscosity"))
-def with_eddies(a, square):  # type: ignore[no-untyped-def]
-    strain = 0.5 * (a.velocity_gradient + a.velocity_gradient.transpose())
+@row_term(reads=("slip_gradient", "second_moment", "kinematic_viscosity"))
+def with_eddies(a, scale, largest_condition, square):  # type: ignore[no-untyped-def]
+    correction = inverse_or_identity(scale * symmetric_matrix(a.second_moment), largest_condition)
+    gradient = scale * a.slip_gradient @ correction
+    strain = 0.5 * (gradient + gradient.transpose())
     return a.kinematic_viscosity + square * (2.0 * strain.norm_sqr()) ** 0.5
 
 
@@ -45,25 +41,26 @@ class Smagorinsky(Turbulence, name="smagorinsky"):
 
     ids: ClassVar = ("A6",)
     reference: ClassVar = "smagorinsky1963"
-    needs: ClassVar[tuple[Field, ...]] = (EFFECTIVE_VISCOSITY, VELOCITY_GRADIENT, CORRECTION)
+    needs: ClassVar[tuple[Field, ...]] = (EFFECTIVE_VISCOSITY, SLIP_GRADIENT, SECOND_MOMENT)
 
     constant: float = Parameter(default=0.15, gt=0.0, le=0.25)
     """C_s [1]: 0.1 in channels, 0.12 to 0.15 in breaking waves, 0.17 in isotropic turbulence."""
     largest_condition: float = Parameter(default=1e3, gt=1.0)
     """Largest condition number of the gradient's matrix; above it a row falls back to C = I [1]."""
 
+    def sums(self, lattice: Lattice) -> tuple[PairSum, ...]:
+        """Return the second moment of the neighbours, and the sum that the velocity's gradient is made of."""
+        return (
+            second_moment_sum(self, lattice),
+            PairSum((dyad,), (SLIP_GRADIENT.name,), self.weight, self.radius(lattice)),
+        )
+
     def __call__(self, lattice: Lattice, particles: Particles, pairs: Pairs) -> str:
         """Write ``effective_viscosity`` of fluid rows."""
-        pair_sum(
-            (moment, dyad), particles, pairs, out=("correction", "velocity_gradient"), weight=self.weight,
-            re=self.radius(lattice), arguments=(lattice.dimension / self.n0(lattice), self.largest_condition),
-        )  # fmt: skip
-        row_map(corrected, particles, out="velocity_gradient", rows=FLUID)
-        row_map(
-            with_eddies, particles, out="effective_viscosity", rows=FLUID,
-            arguments=((self.constant * lattice.spacing) ** 2,),
-        )  # fmt: skip
-        return "effective_viscosity"
+        pair_sums(self.sums(lattice), particles, pairs)
+        scale, square = lattice.dimension / self.n0(lattice), (self.constant * lattice.spacing) ** 2
+        row_map(with_eddies, particles, out=EFFECTIVE_VISCOSITY.name, arguments=(scale, self.largest_condition, square))
+        return EFFECTIVE_VISCOSITY.name
 
     def largest(self, particles: Particles) -> float:
         """Return the largest nu + nu_t [m^2/s] of the step before."""

@@ -33,6 +33,10 @@ def refuse_lagged(laplacian: Laplacian) -> None:
 class Viscosity(Scheme, family="viscosity"):
     """Adds the viscous acceleration to fluid rows."""
 
+    def sums(self, lattice: Lattice) -> tuple[PairSum, ...]:
+        """Return what it sums at the start of a step, to be ready for its own sum; see `Operator.sums`."""
+        return ()
+
     def as_sums(self, lattice: Lattice) -> tuple[PairSum, ...]:
         """Return the sums over pairs that are all it does, where nothing has to be made ready for them, or none.
 

@@ -1,19 +1,22 @@
 """Explicit viscosity with the Laplacian model."""
 
+from collections.abc import Callable
 from math import inf
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 from pydantic import model_validator
 
 from spume import kernels
 from spume.lattice import Lattice
 from spume.pairs import Pairs, PairSum, PairTerm, pair_sums, pair_term
-from spume.particles import Particles
+from spume.particles import FLUID, Particles
 from spume.schemes.laplacian.base import Laplacian, Terms
 from spume.schemes.laplacian.original import Original
 from spume.schemes.turbulence.base import Turbulence
 from spume.schemes.turbulence.none import Laminar
 from spume.schemes.viscosity.base import Viscosity, refuse_lagged, shared_viscosity
+from spume.schemes.wall_function.base import WallFunction
+from spume.schemes.wall_function.none import Resolved
 
 
 def _added(a, total, scale):  # type: ignore[no-untyped-def]
@@ -25,7 +28,9 @@ class Explicit(Viscosity, name="explicit"):
 
     c and s are those of the Laplacian model, mu_ij is the harmonic mean of rho nu of the pair. Momentum is conserved to
     round-off with a symmetric Laplacian. Solid rows take part with their ``slip_velocity``, the image of the fluid in
-    the wall. Stable up to a time step of the order of l0^2/nu; for more, ``implicit``.
+    the wall, or with the stress of a ``wall_function``: mu (u_j - u_i) is then -tau h t, t the direction of the motion
+    along the wall and h the distance of i from the plane through j, so that per area the fluid loses tau. Stable up to
+    a time step of the order of l0^2/nu; for more, ``implicit``.
     """
 
     ids: ClassVar = ("A6",)
@@ -36,6 +41,8 @@ class Explicit(Viscosity, name="explicit"):
     """Laplacian model."""
     turbulence: Turbulence = Laminar()
     """Turbulence model, which adds to the viscosity."""
+    wall_function: WallFunction = Resolved()
+    """Stress of no-slip walls whose boundary layer the particles do not resolve."""
 
     @model_validator(mode="after")
     def _of_one_instant(self) -> Self:
@@ -48,6 +55,10 @@ class Explicit(Viscosity, name="explicit"):
         self.laplacian.prepare(lattice, particles, pairs)
         pair_sums((self._sum(lattice, viscosity),), particles, pairs)
 
+    def sums(self, lattice: Lattice) -> tuple[PairSum, ...]:
+        """Return those of the turbulence model."""
+        return self.turbulence.sums(lattice)
+
     def as_sums(self, lattice: Lattice) -> tuple[PairSum, ...]:
         """Return its one sum, where neither turbulence nor Laplacian have to be made ready for it."""
         ready = self.turbulence.given and type(self.laplacian).prepare is Laplacian.prepare
@@ -55,8 +66,9 @@ class Explicit(Viscosity, name="explicit"):
 
     def _sum(self, lattice: Lattice, viscosity: str) -> PairSum:
         model = self.laplacian
+        stress = None if self.wall_function.resolved else self.wall_function.function()
         return PairSum(
-            (_term(model.terms()),), ("acceleration",), model.weight, model.radius(lattice),
+            (_term(model.terms(), stress),), ("acceleration",), model.weight, model.radius(lattice),
             arguments=(model.scale(lattice),), fields=(("viscosity", viscosity),),
         )  # fmt: skip
 
@@ -70,16 +82,35 @@ class Explicit(Viscosity, name="explicit"):
 
 
 @kernels.cached
-def _term(terms: Terms) -> PairTerm:
+def _term(terms: Terms, stress: Callable[..., Any] | None) -> PairTerm:
     """Return the pair term of a Laplacian model; the same object each time, so that it compiles once."""
     coefficient = terms.coefficient
+    fields = ("slip_velocity", "viscosity", "density", "kind", "acceleration", *terms.reads)
 
-    @pair_term(
-        reads=("slip_velocity", "viscosity", "density", "kind", "acceleration", *terms.reads),
-        shape=("d",),
-        finish=_added,
-    )
+    @pair_term(reads=fields, shape=("d",), finish=_added)
     def diffusion(a, b, r, w, scale):  # type: ignore[no-untyped-def]
         return shared_viscosity(a, b) * coefficient(a, b, r, w) * (b.slip_velocity - a.slip_velocity)
 
-    return diffusion
+    if stress is None:
+        return diffusion
+
+    @pair_term(
+        reads=(*fields, "kinematic_viscosity", "to_surface", "wall_velocity", "slip"), shape=("d",), finish=_added
+    )
+    def diffusion_with_wall_stress(a, b, r, w, scale):  # type: ignore[no-untyped-def]
+        flux = shared_viscosity(a, b) * (b.slip_velocity - a.slip_velocity)
+        if b.kind != FLUID:
+            flux = a.slip_velocity * 0.0
+            depth = b.to_surface.norm()
+            normal = b.to_surface / max(depth, 1e-30)
+            apart = -r.dot(normal)
+            along = a.slip_velocity - b.wall_velocity
+            along -= along.dot(normal) * normal
+            speed = along.norm()
+            # A solid row stands for the wall that it belongs to where that lies between both.
+            if b.slip == 0 and apart > depth and speed > 0.0:
+                distance = max(apart - depth, 0.25 * depth)
+                flux = -a.density * stress(speed, distance, a.kinematic_viscosity) * apart / speed * along
+        return coefficient(a, b, r, w) * flux
+
+    return diffusion_with_wall_stress

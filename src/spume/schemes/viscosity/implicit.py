@@ -6,7 +6,7 @@ from pydantic import model_validator
 
 from spume import kernels
 from spume.lattice import Lattice
-from spume.pairs import Pairs, PairTerm, RowTerm, pair_sum, pair_term, row_map, row_term
+from spume.pairs import Pairs, PairSum, PairTerm, RowTerm, pair_sum, pair_term, row_map, row_term
 from spume.particles import ANY, FLUID, SOLID, Field, Particles
 from spume.pressure.base import NotConverged, Solver
 from spume.pressure.conjugate_gradient import ConjugateGradient
@@ -113,6 +113,10 @@ class Implicit(Viscosity, name="implicit"):
                 "does not give: choose bicgstab or multigrid"
             )
         return self
+
+    def sums(self, lattice: Lattice) -> tuple[PairSum, ...]:
+        """Return those of the turbulence model."""
+        return self.turbulence.sums(lattice)
 
     def __call__(self, lattice: Lattice, particles: Particles, pairs: Pairs, dt: float) -> None:
         """Add (u^v - u')/dt to ``acceleration`` [m/s^2] of fluid rows.

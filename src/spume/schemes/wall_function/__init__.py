@@ -1,0 +1,1 @@
+"""The stress of a boundary layer that is thinner than a particle."""
