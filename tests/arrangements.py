@@ -5,6 +5,7 @@ import numpy as np
 from spume.lattice import Lattice
 from spume.pairs import Pairs
 from spume.particles import FLUID, Field, Particles
+from spume.schemes.number_density.base import SOLID_DENSITY
 
 EXTRA_FIELDS = (
     Field("scalar", doc="a field to differentiate"),
@@ -13,6 +14,7 @@ EXTRA_FIELDS = (
     Field("answer_2", doc="a field to write"),
     Field("tensor", ("d", "d"), doc="a field to write"),
     Field("whole", doc="an integer field to write", dtype=int),
+    SOLID_DENSITY,  # the number density is asked in many tests beside what they are about
 )
 
 

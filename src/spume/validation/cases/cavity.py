@@ -82,7 +82,7 @@ STUDY = Study(
     title="Lid-driven cavity",
     length="L/l0",
     reference="Ghia, Ghia & Shin (1982), tables I and II; one value out of the trend left out (Re 400, x = 0.9063)",
-    runs=(*(_run(100, n, 20.0) for n in (20, 40, 80)), *(_run(400, n, 40.0) for n in (20, 40))),
+    runs=(*(_run(100, n, 20.0) for n in (25, 50, 100)), *(_run(400, n, 40.0) for n in (25, 50, 100))),
     quick=(_run(100, 20, 15.0),),
     measure=measure,
     bars=(
