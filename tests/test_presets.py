@@ -5,7 +5,7 @@ from typing import get_args
 import pytest
 
 from spume import presets
-from spume.case import Case, load
+from spume.case import Case, Time, load
 from spume.steps.project_in_place import ProjectInPlace
 
 
@@ -38,6 +38,13 @@ def test_what_a_case_says_goes_before():
 def test_a_preset_says_nothing_of_another_algorithm():
     other = load("hydrostatic", ["preset=confined", "step=predict-move-project"]).step
     assert other == load("hydrostatic", ["step=predict-move-project"]).step
+
+
+def test_times_given_as_an_object_take_what_it_does_not_set():
+    document = load("hydrostatic").table()
+    del document["time"]
+    case = Case(**document | {"preset": "violent"}, time=Time(end=1.0, travel=0.4))
+    assert (case.time.courant, case.time.travel) == (0.25, 0.4)
 
 
 def test_a_step_given_as_an_object_is_taken_as_it_is():

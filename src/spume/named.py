@@ -261,6 +261,8 @@ def find(family: str, name: str) -> type[Scheme]:
     Raises:
         PydanticCustomError: no such scheme; the message lists the names and the nearest one.
     """
+    if name not in _registry.get(family, {}):
+        load_all()  # whoever writes a case in Python has imported only what the defaults are
     known = _registry.get(family, {})
     if name in known:
         return known[name]

@@ -19,9 +19,10 @@ def none(cloud):
 def power_law(cloud):
     """A solid row j takes the stress tau off i: mu (u_j - u_i) becomes -tau h t.
 
-    t is the direction of the velocity along the wall, h the distance of i from the plane through j, y = h - depth that
-    from the wall's surface, at least a quarter of the depth of j behind it; behind the surface nothing. With friction
-    velocity v: u/v = v y/nu for v y/nu < 11.81, else 8.3 (v y/nu)^(1/7). Every fourth row is of a free-slip wall.
+    t is the direction of the velocity along the wall, h the distance of i from the plane through j, y = h - depth its
+    distance to the wall's surface, at least a quarter of the depth of j behind it; behind the surface nothing. With
+    the friction velocity v: u/v = v y/nu for v y/nu < 11.81, else 8.3 (v y/nu)^(1/7). Every fourth row is on a
+    free-slip wall.
     """
     _, to_surface = walls(cloud)
     slip, u_wall, nu = slipping(cloud), cloud.u_before, thin(cloud)

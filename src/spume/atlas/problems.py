@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from spume.atlas.measures import of_frames, temporal_noise
 from spume.validation.cases import (
+    dam_break,
     elliptical_drop,
     hydrostatic,
     rotating_square,
@@ -17,7 +17,7 @@ from spume.validation.cases import (
     taylor_green,
 )
 from spume.validation.folder import Folder, budgets
-from spume.validation.study import rms
+from spume.validation.study import rms, rms_over_time
 
 
 @dataclass(frozen=True)
@@ -97,9 +97,12 @@ def _wave(folder: Folder) -> float:
 
 
 def _break(folder: Folder) -> float:
-    """Mean over the sensors of the rms of the pressure over rho g H, as far as the run goes."""
-    found = [entry["rms"] for entry in folder.summary["comparison"] if entry["gauge"].startswith("pressure")]
-    return float(np.mean([value for value in found if value is not None] or [math.nan]))
+    """Mean over the sensors of the rms over time of the pressure over rho g H, as far as the run goes."""
+    found = [
+        rms_over_time(dam_break.pressure(folder, k), dam_break.built_in(k), dam_break.WINDOW)
+        for k in range(1, len(dam_break.PRESSURES) + 1)
+    ]
+    return float(np.mean(found))
 
 
 PROBLEMS = (
@@ -126,7 +129,7 @@ PROBLEMS = (
     Problem(
         "dam break", "dam-break", 15,
         ("spacing=0.02", "time.end=0.6", "output.interval=0.05"),
-        _break, "mean rms of the pressures / ρgH, to t√(g/H) = 3.4", (2943.0, "ρgH"), "pressure-2",
+        _break, "mean rms of the pressures over time / ρgH, to t√(g/H) = 3.4", (2943.0, "ρgH"), "pressure-2",
     ),
 )  # fmt: skip
 """The problems, in the order of the tables."""

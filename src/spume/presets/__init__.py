@@ -13,6 +13,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from spume.named import Parameters, Scheme
+
 FOLDER = Path(__file__).parent
 USUAL = "recommended"
 
@@ -32,13 +34,15 @@ def applied(name: str, document: Mapping[str, Any], usual_step: str) -> dict[str
 
     Args:
         name: of the preset.
-        document: the tables of a case; objects in place of tables are taken as they are.
+        document: the tables of a case; a model in place of its table is taken as it is.
         usual_step: algorithm that a table ``step`` without a name is about.
     """
     result = dict(document)
     for key, defaults in tomllib.loads(_text(name)).items():
         given = result.get(key, {})
         given = {"name": given} if isinstance(given, str) else given
+        if isinstance(given, Parameters) and not isinstance(given, Scheme):
+            given = {name: getattr(given, name) for name in given.model_fields_set}
         if not isinstance(given, Mapping):
             continue
         if key == "step":

@@ -27,10 +27,17 @@ def _series(sensor: int) -> Curve | None:
     return t, p
 
 
-def _table(sensor: int) -> Curve:
-    """Return what the built-in case carries of the measured series."""
+def built_in(sensor: int) -> Curve:
+    """Return what the built-in case carries of the measured series, in the units of the experiment."""
     t, p = list(read_columns(CASES / "dam-break" / f"pressure-{sensor}.csv")[0].values())[:2]
     return t, p
+
+
+def pressure(folder: Folder, sensor: int) -> Curve:
+    """Return the computed series of a sensor in the units of the experiment, shifted as the case's comparison found."""
+    (shift,) = (e["shift"] for e in folder.summary["comparison"] if e["gauge"] == f"pressure-{sensor}")
+    gauge = folder.gauge(f"pressure-{sensor}")
+    return gauge["time"] * math.sqrt(G / H) + shift, gauge["pressure"] / (RHO * G * H)
 
 
 def measure(folder: Folder) -> Measured:
@@ -46,13 +53,11 @@ def measure(folder: Folder) -> Measured:
     metrics["peak at z = 15 mm / ρgH, from t√(g/H) = 2.45 on"] = found["pressure-2"]["peak"]
     curves: dict[str, Curve] = {}
     for k, name in enumerate(PRESSURES, start=1):
-        entry, gauge = found[f"pressure-{k}"], folder.gauge(f"pressure-{k}")
-        t, p = gauge["time"] * math.sqrt(G / H) + entry["shift"], gauge["pressure"] / (RHO * G * H)
-        z = f"z = {HEIGHTS[k - 1]} mm"
-        curves[z] = (t, p)
-        metrics[name] = rms_over_time((t, p), _series(k) or _table(k), WINDOW)
-        metrics[f"mean difference at {z} / ρgH"] = mean_over_time((t, p), _series(k) or _table(k), WINDOW)
-        metrics[f"{name}, at the instants of the built-in table"] = entry["rms"]
+        z, reference = f"z = {HEIGHTS[k - 1]} mm", _series(k) or built_in(k)
+        curves[z] = pressure(folder, k)
+        metrics[name] = rms_over_time(curves[z], reference, WINDOW)
+        metrics[f"mean difference at {z} / ρgH"] = mean_over_time(curves[z], reference, WINDOW)
+        metrics[f"{name}, at the instants of the built-in table"] = found[f"pressure-{k}"]["rms"]
     for k, name in enumerate(LEVELS, start=1):
         if f"level-{k}" in found:
             metrics[name] = found[f"level-{k}"]["rms"]
@@ -64,7 +69,7 @@ def measure(folder: Folder) -> Measured:
 def _measured(sensor: int) -> Mapping[str, Curve]:
     full = _series(sensor)
     if full is None:
-        return {"measured": _table(sensor)}
+        return {"measured": built_in(sensor)}
     inside = (full[0] > 2.0) & (full[0] < 5.7)
     return {"measured": (full[0][inside], full[1][inside])}
 
