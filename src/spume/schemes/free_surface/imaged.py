@@ -39,9 +39,9 @@ class Imaged(Blended, name="imaged"):
     Laplacian ``distance`` and those made from it. No surface row has a pressure from the step before, and all keep
     the volume: the surface follows the fluid instead of trembling. Inside the fluid b_i is small, so a row that is
     taken for a surface by its low n is hardly drawn. Thin sheets and single rows, where b_i cancels, are held by the
-    number of the neighbours they miss; rows with walls around them and less than a fifth of their n from fluid are drawn
-    to the surface's pressure, the more the less fluid is there. Gradient: ``imaged``; the source ``divergence-density`` counts the images in n.
-    (This project.)
+    number of the neighbours they miss. Rows with walls around them and less than a fifth of their n from fluid are
+    drawn to the surface's pressure, the more the less fluid is there. Gradient: ``imaged``; the source
+    ``divergence-density`` counts the images in n. (This project.)
     """
 
     ids: ClassVar[tuple[str, ...]] = ()
