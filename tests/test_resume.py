@@ -18,10 +18,16 @@ from spume.outputs.disk import NotWritten
 from spume.outputs.gauges import Elevation, Volume
 from spume.progress import Progress, seconds_of
 from spume.run import _Limit, run
+from spume.schemes.laplacian.distance import Distance
+from spume.schemes.turbulence.smagorinsky import Smagorinsky
+from spume.schemes.viscosity.explicit import Explicit
+from spume.schemes.wall_function.power_law import PowerLaw
 from spume.steps.predict_move_project import PredictMoveProject
+from spume.steps.project_in_place import ProjectInPlace
 from tanks import column, dam_break
 
 END = 0.12
+EDDIES = Explicit(laplacian=Distance(), turbulence=Smagorinsky(constant=0.25), wall_function=PowerLaw())
 
 
 def case_of(end=END, step=None, **output):
@@ -135,9 +141,10 @@ def poisoned(simulation, saved):
     [
         (case_of(end=1.0), 7),
         (case_of(end=1.0, step=PredictMoveProject()), 7),
+        (case_of(end=1.0, step=ProjectInPlace(viscosity=EDDIES)), 7),
         (column(disturbance=0.1), 12),  # nearly at rest: lists serve many steps
     ],
-    ids=["project-in-place", "predict-move-project", "at-rest"],
+    ids=["project-in-place", "predict-move-project", "eddies", "at-rest"],
 )
 def test_a_step_reads_nothing_that_a_checkpoint_does_not_hold(case, steps):
     """Every field that is not saved is filled with NaN: the steps that follow are the same bits."""

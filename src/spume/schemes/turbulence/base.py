@@ -7,7 +7,10 @@ from spume.pairs import Pairs
 from spume.particles import Field, Particles
 from spume.schemes.operator import Operator
 
-EFFECTIVE_VISCOSITY = Field("effective_viscosity", (), "m^2/s", "kinematic viscosity with that of the turbulence")
+EFFECTIVE_VISCOSITY = Field(
+    "effective_viscosity", (), "m^2/s", "kinematic viscosity with that of the turbulence; limits the next time step",
+    restart=True,
+)  # fmt: skip
 
 
 class Turbulence(Operator, family="turbulence"):

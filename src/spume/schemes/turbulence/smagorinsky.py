@@ -2,12 +2,11 @@
 
 from typing import ClassVar
 
-import numpy as np
 from pydantic import Field as Parameter
 
 from spume.lattice import Lattice
 from spume.pairs import Pairs, PairSum, pair_sums, pair_term, row_map, row_term
-from spume.particles import Field, Particles
+from spume.particles import FLUID, Field, Particles
 from spume.schemes.correction import SECOND_MOMENT, inverse_or_identity, second_moment_sum, symmetric_matrix
 from spume.schemes.turbulence.base import EFFECTIVE_VISCOSITY, Turbulence
 
@@ -64,4 +63,4 @@ class Smagorinsky(Turbulence, name="smagorinsky"):
 
     def largest(self, particles: Particles) -> float:
         """Return the largest nu + nu_t [m^2/s] of the step before."""
-        return float(np.max(particles.numpy("effective_viscosity"), initial=0.0))
+        return particles.largest(EFFECTIVE_VISCOSITY.name, FLUID)
