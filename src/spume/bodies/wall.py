@@ -37,7 +37,10 @@ class Wall(Rigid, name="wall"):
     layers: Annotated[int, Field(ge=1, le=10)] = 3
     """Layers of particles, the wall layer included; at least the largest effective radius / spacing [1]."""
     slip: Literal["no-slip", "free-slip"] = "no-slip"
-    """Velocity that viscosity sees in the wall: mirrored in full (no-slip) or its normal part (free-slip)."""
+    """Velocity that viscosity sees in the wall: mirrored in full (no-slip) or its normal part (free-slip).
+
+    A wall function of the viscosity gives no-slip walls their stress; a free-slip wall has none.
+    """
     velocity: tuple[float, ...] | None = None
     """Constant velocity [m/s] of rows that stay in place, as of a moving lid; default: at rest."""
 
