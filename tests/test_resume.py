@@ -44,6 +44,13 @@ def case_of(end=END, step=None, **output):
     )
 
 
+def limited_by_eddies():
+    """A dam break of a liquid so viscous that the eddies' part of the viscosity sets the time step."""
+    case = case_of(end=1.0, step=ProjectInPlace(viscosity=EDDIES))
+    (liquid,) = case.fluid
+    return case.model_copy(update={"fluid": (liquid.model_copy(update={"viscosity": 0.05}),)})
+
+
 def at_step(monkeypatch, step, act):
     """Let something happen after a step and its outputs."""
     plain = Progress.step
@@ -141,7 +148,7 @@ def poisoned(simulation, saved):
     [
         (case_of(end=1.0), 7),
         (case_of(end=1.0, step=PredictMoveProject()), 7),
-        (case_of(end=1.0, step=ProjectInPlace(viscosity=EDDIES)), 7),
+        (limited_by_eddies(), 7),
         (column(disturbance=0.1), 12),  # nearly at rest: lists serve many steps
     ],
     ids=["project-in-place", "predict-move-project", "eddies", "at-rest"],

@@ -127,6 +127,7 @@ def test_rms_over_time_does_not_depend_on_where_the_points_lie():
         assert mean_over_time(series, nothing, (0.0, 3.0)) == pytest.approx(0.5, rel=1e-12)
     short = (t[t < 2.0], np.full((t < 2.0).sum(), 2.0))
     assert rms_over_time(short, nothing, (0.0, 3.0)) == pytest.approx(2.0), "as far as it goes"
+    assert math.isnan(rms_over_time((t[t < 0.0], t[t < 0.0]), nothing, (0.0, 3.0))), "it does not come so far"
 
 
 def test_the_dam_break_reports_what_the_case_compared(monkeypatch):

@@ -195,10 +195,12 @@ def rms(values: Iterable[float] | NDArray[np.float64]) -> float:
 def rms_over_time(series: Curve, reference: Curve, window: tuple[float, float]) -> float:
     """Return the root of the mean over time of (series - reference)^2, both linear between their points.
 
-    The mean ends where the series does. An rms over the points of one of them would count most where its points are
-    closest.
+    The mean ends where the series does; of a series that ends before the window it is NaN. An rms over the points of
+    one of them would count most where its points are closest.
     """
     t, e = _difference(series, reference, window)
+    if len(t) < 2:
+        return float("nan")
     # The integral of the square of a function that is linear between its points.
     squares = np.diff(t) * (e[1:] ** 2 + e[1:] * e[:-1] + e[:-1] ** 2) / 3
     return float(np.sqrt(squares.sum() / (t[-1] - t[0])))
@@ -207,6 +209,8 @@ def rms_over_time(series: Curve, reference: Curve, window: tuple[float, float]) 
 def mean_over_time(series: Curve, reference: Curve, window: tuple[float, float]) -> float:
     """Return the mean over time of series - reference, as `rms_over_time`."""
     t, e = _difference(series, reference, window)
+    if len(t) < 2:
+        return float("nan")
     return float((np.diff(t) * (e[1:] + e[:-1]) / 2).sum() / (t[-1] - t[0]))
 
 

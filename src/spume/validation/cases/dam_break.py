@@ -33,6 +33,11 @@ def built_in(sensor: int) -> Curve:
     return t, p
 
 
+def reference(sensor: int) -> Curve:
+    """Return the full measured series where it is at hand, else that of the built-in case."""
+    return _series(sensor) or built_in(sensor)
+
+
 def pressure(folder: Folder, sensor: int) -> Curve:
     """Return the computed series of a sensor in the units of the experiment, shifted as the case's comparison found."""
     (shift,) = (e["shift"] for e in folder.summary["comparison"] if e["gauge"] == f"pressure-{sensor}")
@@ -53,10 +58,10 @@ def measure(folder: Folder) -> Measured:
     metrics["peak at z = 15 mm / ρgH, from t√(g/H) = 2.45 on"] = found["pressure-2"]["peak"]
     curves: dict[str, Curve] = {}
     for k, name in enumerate(PRESSURES, start=1):
-        z, reference = f"z = {HEIGHTS[k - 1]} mm", _series(k) or built_in(k)
+        z = f"z = {HEIGHTS[k - 1]} mm"
         curves[z] = pressure(folder, k)
-        metrics[name] = rms_over_time(curves[z], reference, WINDOW)
-        metrics[f"mean difference at {z} / ρgH"] = mean_over_time(curves[z], reference, WINDOW)
+        metrics[name] = rms_over_time(curves[z], reference(k), WINDOW)
+        metrics[f"mean difference at {z} / ρgH"] = mean_over_time(curves[z], reference(k), WINDOW)
         metrics[f"{name}, at the instants of the built-in table"] = found[f"pressure-{k}"]["rms"]
     for k, name in enumerate(LEVELS, start=1):
         if f"level-{k}" in found:
