@@ -112,7 +112,7 @@ def assembled(name: str, n: int, d: int, seed: int = 0, fields: tuple[Any, ...] 
     surface, number_density, laplacian = Blended(), NumberDensity(), Original()
     needs = (
         *SYSTEM_FIELDS, SURFACE_SHARE, SOURCE, COMPONENT, *ConjugateGradient.needs, *Multigrid.needs,
-        *surface.needs, *fields,
+        *surface.needs, *number_density.needs, *fields,
     )  # fmt: skip
     lattice, particles = Lattice(d, spacing), Particles(d, spacing, tuple(dict.fromkeys(needs)), capacity=count)
     rng = np.random.default_rng(seed + 1)
@@ -153,12 +153,6 @@ def reset(particles: Particles, system: LinearSystem) -> None:
 
 def sparse(particles: Particles, system: LinearSystem) -> tuple[Any, np.ndarray]:
     """Return matrix (SciPy, compressed rows) and right side of the unknown rows."""
-    import scipy.sparse
-
-    n, length = particles.count, particles.numpy(system.length)
     unknown = np.flatnonzero(particles.numpy(system.state) == UNKNOWN)
-    rows = np.repeat(np.arange(n), length)
-    slots = np.repeat(system.start.to_numpy()[:n] - np.cumsum(length) + length, length) + np.arange(length.sum())
-    entries = (system.values[0].to_numpy()[slots], (rows, system.columns[0].to_numpy()[slots]))
-    matrix = scipy.sparse.csr_matrix(entries, (n, n)) + scipy.sparse.diags(particles.numpy(system.diagonal))
-    return matrix.tocsr()[unknown][:, unknown], particles.numpy(system.rhs)[unknown]
+    matrix = system.sparse(particles)
+    return matrix[unknown][:, unknown], particles.numpy(system.rhs)[unknown]

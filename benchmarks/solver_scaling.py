@@ -1,7 +1,7 @@
 """Iterations and cost of the pressure solver over the size of the system.
 
-    python benchmarks/solver_scaling.py [--sizes 1e4 1e5 1e6] [--dimensions 2 3] [--threads N] [--precision P]
-        [--arrangements column …] [--dam-break 0.02 0.01] [--repeats 5] [--json FILE]
+    python benchmarks/solver_scaling.py [--sizes 1e4 1e5 1e6] [--dimensions 2 3] [--device D] [--threads N]
+        [--precision P] [--arrangements column …] [--dam-break 0.02 0.01] [--repeats 5] [--json FILE]
 
 From a zero start to a relative residual of 1e-6. Times are medians; the product is one of the matrix with a vector, in
 the same storage and with as many threads, measured in the same run. 1e7 rows need 16 GB.
@@ -18,6 +18,7 @@ from pressure_systems import ARRANGEMENTS, INTERFACES, assembled, dam_break, res
 
 from spume import kernels
 from spume.particles import Particles
+from spume.pressure.entries import Entries, matrix_type, row_sum
 from spume.pressure.matrix import UNKNOWN, LinearSystem
 from spume.pressure.multigrid import Multigrid, coarse_levels
 
@@ -25,24 +26,19 @@ TOLERANCE = 1e-6
 
 
 @kernels.cached
-def product_kernel(entry: Any) -> Any:
+def product_kernel(entries: Entries) -> Any:
     """Return the kernel y = A x over the rows that have an equation."""
-    Reals, Rows = kernels.array_type(kernels.runtime().real), kernels.array_type(kernels.i32)
-    Values, serial, qd = kernels.array_type(entry), kernels.runtime().serial, kernels.qd
+    real = kernels.runtime().real
+    Reals, Rows, Matrix = kernels.array_type(real), kernels.array_type(kernels.i32), matrix_type(entries)
+    serial, qd = kernels.runtime().serial, kernels.qd
+    add = row_sum(Matrix, entries, "+", real, real)
 
     @kernels.kernel
-    def product(
-        start: Rows, length: Rows, column: Rows, value: Values, diagonal: Reals, state: Rows, x: Reals, y: Reals,
-        count: kernels.i32,
-    ):  # fmt: skip
+    def product(matrix: Matrix, diagonal: Reals, state: Rows, x: Reals, y: Reals, count: kernels.i32):
         qd.loop_config(serialize=serial)
         for i in range(count):
             if state[i] == UNKNOWN:
-                s = diagonal[i] * x[i]
-                first = start[i]
-                for k in range(first, first + length[i]):
-                    s += value[k] * x[column[k]]
-                y[i] = s
+                y[i] = add(matrix, i, 0, x, diagonal[i] * x[i])
 
     return product
 
@@ -63,11 +59,11 @@ def seconds(action: Any, repeats: int, before: Any = lambda: None) -> float:
 def measured(name: str, particles: Particles, system: LinearSystem, repeats: int) -> dict[str, Any]:
     """Solve from zero; return iterations, sizes and median times."""
     solver = Multigrid(tolerance=TOLERANCE)
-    product = product_kernel(system.real)
+    product = product_kernel(system.entries)
     rows = int((particles.numpy(system.state) == UNKNOWN).sum())
     entries = int(particles.numpy(system.length).sum())
-    arrays = [system.start, *(particles[n] for n in (system.length,)), system.columns[0], system.values[0]]
-    arrays += [particles[n] for n in (system.diagonal, system.state, "cg_direction", "cg_product")]
+    arrays = [particles[n] for n in (system.diagonal, system.state, "cg_direction", "cg_product")]
+    arrays.insert(0, system.matrix(particles))
     particles.set("cg_direction", np.random.default_rng(0).normal(size=particles.count))
     reset(particles, system)
     solution = solver(system, particles)
@@ -112,12 +108,13 @@ def main() -> None:
     parser.add_argument("--arrangements", nargs="*", default=list(ARRANGEMENTS), choices=[*ARRANGEMENTS, *INTERFACES])
     parser.add_argument("--dam-break", type=float, nargs="*", default=[], help="spacings [m] of the 3D dam break")
     parser.add_argument("--time", type=float, default=0.4, help="of the dam break [s]")
+    parser.add_argument("--device", default="cpu", choices=kernels.DEVICES)
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--precision", default="double", choices=kernels.PRECISIONS)
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--json", help="write the figures to this file as well")
     asked = parser.parse_args()
-    runtime = kernels.initialize("cpu", asked.threads, asked.precision)
+    runtime = kernels.initialize(asked.device, asked.threads, asked.precision)
     print(f"{runtime.threads} threads, {runtime.precision} precision, relative residual {TOLERANCE:g} from zero; ms")
     print(HEAD, flush=True)
     found = []

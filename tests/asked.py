@@ -114,12 +114,7 @@ def system(scheme, cloud, slope=None, share=None):
     rows = Rows(scheme, cloud, share, row_state=np.full(n, UNKNOWN), pressure_gradient=before, density=np.ones(n))
     linear = LinearSystem()
     linear.assemble(scheme, *rows.handles)
-    start, length = linear.start.to_numpy(), rows.particles.numpy("row_length")
-    column, value = linear.columns[0].to_numpy(), linear.values[0].to_numpy()
-    matrix = np.diag(rows.particles.numpy("diagonal"))
-    for i in range(n):
-        slots = slice(start[i], start[i] + length[i])
-        np.add.at(matrix[i], column[slots], value[slots])
+    matrix = linear.sparse(rows.particles).toarray()
     back = np.argsort(rows.order)
     return matrix[np.ix_(back, back)], rows.get("rhs")
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from arrangements import block, table
-from spume import chunks, kernels, load
+from spume import chunks, kernels, lanes, load
 from spume.pairs import pair_sum, pair_term
 from spume.particles import FLUID, WALL
 from spume.pressure.bicgstab import StabilisedBiconjugateGradient
@@ -136,7 +136,7 @@ def walked(mine, start, length, arrays):
     start, length, arrays = start.to_numpy(), length.to_numpy(), [a.to_numpy() for a in arrays]
     chunks_and_arrays = zip(mine.chunks, arrays, strict=True)
     return np.concatenate(
-        [a[start[i] : start[i] + length[i]] for c, a in chunks_and_arrays for i in range(c.begin, c.end)]
+        [a[lanes.slots(start[c.begin : c.end], length[c.begin : c.end])] for c, a in chunks_and_arrays]
     )
 
 

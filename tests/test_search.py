@@ -6,6 +6,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from arrangements import block, offsets, table
+from spume import lanes
 from spume.particles import DUMMY, FLUID, WALL
 from spume.ranges import CELLS_PER_REACH
 
@@ -23,7 +24,7 @@ def lists(particles, pairs):
     found = {}
     for i in range(particles.count):
         own = length[i] if i < particles.active else 0  # rows behind the active ones take no part
-        entries = [int(ids[j]) for j in neighbour[start[i] : start[i] + own]]
+        entries = [int(ids[j]) for j in neighbour[lanes.slots(start[i : i + 1], [own])]]
         assert len(set(entries)) == len(entries), "a neighbour is listed twice"
         found[int(ids[i])] = set(entries)
     return found
@@ -118,7 +119,7 @@ def test_fluid_neighbours_come_first():
     start, length, fluid = (a.to_numpy() for a in (found.start, found.length, found.fluid))
     neighbour = found.chunks[0].neighbour.to_numpy()
     for row in range(particles.active):
-        kinds = kind[neighbour[start[row] : start[row] + length[row]]]
+        kinds = kind[neighbour[lanes.slots(start[row : row + 1], length[row : row + 1])]]
         assert np.all(kinds[: fluid[row]] == FLUID), "fluid first"
         assert not np.any(kinds[fluid[row] :] == FLUID), "then solid rows"
     assert np.any((fluid > 0) & (fluid < length))

@@ -7,7 +7,7 @@ cuts rows into chunks; whoever walks lists launches a kernel per chunk, and entr
 from dataclasses import dataclass
 from typing import Any
 
-from spume import kernels
+from spume import kernels, lanes
 
 MOST_ENTRIES = kernels.LONGEST_ARRAY
 """Entries of one chunk, at most."""
@@ -44,7 +44,7 @@ class Storage:
     """
 
     def __init__(self) -> None:
-        self.rows_per_block = 64 if kernels.runtime().device == "cpu" else 1
+        self.rows_per_block = lanes.GROUP if kernels.runtime().wide else 64
         self.slots_per_block = self.blocks = 0
         self._arrays: list[Any] = []
 

@@ -58,11 +58,13 @@ class Runtime:
         device: one of ``DEVICES``.
         threads: processor threads.
         precision: ``double`` or ``single``.
+        wide: whether thousands of short threads work in place of a few long ones (see `spume.lanes`).
     """
 
     device: str
     threads: int
     precision: str
+    wide: bool = False
 
     @property
     def serial(self) -> bool:
@@ -220,7 +222,9 @@ def initialize(device: str | None = None, threads: int | None = None, precision:
         raise DeviceError(f"precision = {precision!r}: one of {', '.join(PRECISIONS)}")
     if threads is not None and threads < 1:
         raise DeviceError(f"threads = {threads}: at least 1")
-    wanted = Runtime(device, available_threads() if threads is None else possible_threads(threads), precision)
+    threads = available_threads() if threads is None else possible_threads(threads)
+    # For tests, SPUME_WIDE=1 asks the processor to work as other devices do, which is slow there.
+    wanted = Runtime(device, threads, precision, device != "cpu" or os.environ.get("SPUME_WIDE") == "1")
     if wanted == _runtime:
         return wanted
     folder = cache_folder()
@@ -287,9 +291,7 @@ def array(value: Any, size: int) -> Any:
     numbers = size * getattr(value, "n", 1) * getattr(value, "m", 1)
     if numbers > LONGEST_ARRAY:
         raise ArrayTooLong(f"an array of {numbers:,} numbers ({size:,} values): at most {LONGEST_ARRAY:,} fit into one")
-    data = qd.ndarray(value, (size,))
-    data.fill(0)
-    return data
+    return qd.ndarray(value, (size,))  # the language makes it of zeros
 
 
 def host(data: Any) -> np.ndarray[Any, Any]:
@@ -301,6 +303,11 @@ def host(data: Any) -> np.ndarray[Any, Any]:
     """
     qd.sync()
     return np.asarray(data.to_numpy(copy=None))
+
+
+def value(data: Any, index: int) -> Any:
+    """Return one number of a device array of numbers, without a copy of the others."""
+    return host(data)[index] if runtime().device == "cpu" else data[index]
 
 
 def publish(data: Any, values: np.ndarray[Any, Any]) -> None:
@@ -319,9 +326,9 @@ def struct(**members: Any) -> Any:
     return qd.types.struct(**members)
 
 
-def compiled(name: str, source: str, **namespace: Any) -> Any:
-    """Compile generated source text of one function into a kernel."""
-    return kernel(_defined(name, source, namespace))
+def compiled(name: str, source: str, *, graph: bool = False, **namespace: Any) -> Any:
+    """Compile generated source text of one function into a kernel; ``graph`` as in `kernel`."""
+    return kernel(_defined(name, source, namespace), graph=graph)
 
 
 def compiled_function(name: str, source: str, **namespace: Any) -> Any:

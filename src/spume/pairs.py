@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from spume import kernels
+from spume import kernels, lanes
 from spume.particles import ANY, DUMMY, FLUID, SOLID, WALL, Particles, Signature
 from spume.search import NeighbourList
 
@@ -374,6 +374,11 @@ def load(signature: Signature, reads: Sequence[str], common: Sequence[str] = ())
     return row, "Row(" + ", ".join(f"{n}=a.{n}" if n in common else f"{n}=in_{n}[{{row}}]" for n in reads) + ")"
 
 
+def slot(first: str, k: str) -> str:
+    """Return the text of the slot of a row's neighbour number ``k``, ``first`` being that of its first."""
+    return f"{first} + {k}" + (f" * {lanes.stride()}" if lanes.stride() > 1 else "")
+
+
 def minimum_image(periodic: Sequence[bool]) -> list[str]:
     """Return the statements that replace ``r`` by its shortest periodic image."""
     return [f"r[{k}] -= period{k} * qd.round(r[{k}] / period{k})" for k, joined in enumerate(periodic) if joined]
@@ -447,7 +452,9 @@ def _pair_kernel(
     def added(s: str, new: str) -> str:
         return f"{s} += {new}" if operation == "sum" else f"{s} = qd.{operation}({s}, {new})"
 
-    def walk(chosen: list[int], slots: str, kinds: int) -> list[str]:
+    stride = lanes.stride()
+
+    def walk(chosen: list[int], first_slot: str, number: str, kinds: int) -> list[str]:
         """Return the loop of some sums over a part of a row's neighbours that are known to be of some kinds."""
         chosen = [p for p in chosen if parts[p].over & kinds]
         if not chosen:
@@ -473,20 +480,24 @@ def _pair_kernel(
                 near = f"rr < re{parts[p].radius} * re{parts[p].radius}"
                 lines.append(f"near{p} = {f'({near}) & {asked[p]}' if asked[p] else near}")
                 lines += [added(s, f"qd.select(near{p}, {new}, {none})") for s, new in value[p]]
-        looping = [f"for k in range({slots}):", f"    j = neighbour[k] & {ROW_BITS}"]
+        # Slots count up as the loop does, so that neighbours which follow each other are loaded together.
+        looping = [f"for k in range({first_slot}, {first_slot} + {number}):", f"    j = neighbour[k] & {ROW_BITS}"]
+        if stride > 1:
+            looping = [f"for k in range({number}):", f"    j = neighbour[{slot(first_slot, 'k')}] & {ROW_BITS}"]
         return looping + [f"    {line}" for line in lines]
 
     lines = [f"def pair_{operation}({', '.join(parameters)}):", "    qd.loop_config(serialize=serial)"]
     lines += ["    for i in range(begin, end):"]
     for kinds, chosen in _by_kind(parts):
         body = [f"a = {loading.format(row='i')}", *[line for p in chosen for line in begin[p]]]
-        # Slots count up as the loop does, so that neighbours which follow each other are loaded together.
-        body += ["first = qd.cast(start[i], qd.i32)", "middle = first + fluid[i]", "beyond = first + length[i]"]
+        body += ["first = qd.cast(start[i], qd.i32)"]
         body += ["x = position[i]"]
         if view or "kind" in reads or any(parts[p].over != ANY for p in chosen):
-            body += walk(chosen, "first, middle", FLUID) + walk(chosen, "middle, beyond", SOLID)
+            body += [f"middle = first + fluid[i] * {stride}"]
+            body += walk(chosen, "first", "fluid[i]", FLUID)
+            body += walk(chosen, "middle", "(length[i] - fluid[i])", SOLID)
         else:
-            body += walk(chosen, "first, beyond", ANY)
+            body += walk(chosen, "first", "length[i]", ANY)
         body += [line for p in chosen for line in end[p]]
         if where:
             body = ["if where[i] > 0:", *[f"    {line}" for line in body]]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from spume import kernels
+from spume import kernels, lanes, reductions
 
 FLUID = 1
 WALL = 2
@@ -57,8 +57,6 @@ class Field:
 Signature = tuple[tuple[str, tuple[int, ...], bool], ...]
 """Names, shapes of a value, and whether it is an integer."""
 
-_REDUCTION_BLOCKS = 128
-"""Sums and maxima are made of this many partial ones, whatever the number of threads."""
 
 _BRINGING_BACK = 0.6
 """Part of the rows up to which it is cheaper to bring the moved ones back than to move all."""
@@ -131,6 +129,7 @@ class Particles:
         self._row_of_id: Any = None
         self._row_of_id_valid = False
         self._partial: Any = None
+        self._reduced: Any = None
         self._writes: dict[str, int] = {}
         self._signatures: dict[tuple[tuple[str, str], ...], Signature] = {}
         self._row_bytes: dict[tuple[str, ...], int] = {}
@@ -271,8 +270,11 @@ class Particles:
         if new == 0:
             return
         self._grow(self.count + new)
+        untouched = self._next_id == 0  # arrays are made of zeros
         for name, field in self.fields.items():
             shape = (new, *field.value_shape(self.dimension))
+            if untouched and name not in rows and name != "id" and field.initial == 0:
+                continue
             if name in rows:
                 values = np.asarray(rows[name])
                 if values.shape != shape:
@@ -395,22 +397,18 @@ class Particles:
 
     def largest_norm(self, name: str, rows: int = ANY) -> float:
         """Return the largest length of a vector field over active rows of some kinds, NaN if one is not a number."""
-        if self._partial is None:
-            self._partial = kernels.array(kernels.runtime().real, _REDUCTION_BLOCKS)
-        _largest_kernel(self.fields[name].value_shape(self.dimension)[0], kernels.light(self.active))(
-            self[name], self["kind"], self._partial, rows, self.active
+        reductions.largest_kernel(self.fields[name].value_shape(self.dimension)[0], kernels.light(self.active))(
+            self[name], self["kind"], *self._reduction(), rows, self.active
         )
-        largest = np.max(kernels.host(self._partial))
+        largest = np.max(kernels.host(self._reduced))
         return float(np.sqrt(largest)) if largest < np.finfo(largest.dtype).max else float("nan")
 
     def total(self, name: str, rows: int = ANY) -> float:
         """Return the sum of a scalar field over active rows of some kinds; its order does not depend on threads."""
-        if self._partial is None:
-            self._partial = kernels.array(kernels.runtime().real, _REDUCTION_BLOCKS)
-        _total_kernel(self.fields[name].dtype is int, kernels.light(self.active))(
-            self[name], self["kind"], self._partial, rows, self.active
+        reductions.total_kernel(self.fields[name].dtype is int, kernels.light(self.active))(
+            self[name], self["kind"], *self._reduction(), rows, self.active
         )
-        return float(np.sum(kernels.host(self._partial)))
+        return float(np.sum(kernels.host(self._reduced)))
 
     def smallest(self, name: str, rows: int = ANY) -> float:
         """Return the smallest value of a scalar field over active rows of the given kinds, 0 if there are none."""
@@ -420,11 +418,18 @@ class Particles:
         """Return the largest value of a scalar field over active rows of the given kinds, 0 if there are none."""
         return self._extreme(name, rows, True)
 
-    def _extreme(self, name: str, rows: int, largest: bool) -> float:
+    def _reduction(self) -> tuple[Any, Any]:
+        """Return the arrays of partial sums or extremes, and of what is left of them for the processor."""
         if self._partial is None:
-            self._partial = kernels.array(kernels.runtime().real, _REDUCTION_BLOCKS)
-        _extreme_kernel(largest, kernels.light(self.active))(self[name], self["kind"], self._partial, rows, self.active)
-        found = kernels.host(self._partial)
+            real = kernels.runtime().real
+            self._partial, self._reduced = (kernels.array(real, n) for n in (lanes.reduction_blocks(), lanes.REDUCED))
+        return self._partial, self._reduced
+
+    def _extreme(self, name: str, rows: int, largest: bool) -> float:
+        reductions.extreme_kernel(largest, kernels.light(self.active))(
+            self[name], self["kind"], *self._reduction(), rows, self.active
+        )  # fmt: skip
+        found = kernels.host(self._reduced)
         value = float(found.max() if largest else found.min())
         return value if abs(value) < np.finfo(kernels.runtime().dtype).max else 0.0
 
@@ -453,14 +458,15 @@ def _part_kernel(signature: tuple[tuple[str, tuple[int, ...], bool], ...], initi
         parameters.append(f"in_{name}: In_{name}")
         number = repr(int(value) if integer else value)
         resets.append(f"in_{name}[i] = {number if shape == () else f'Value_{name}({number})'}")
+    one_thread = not kernels.runtime().wide
     lines = [
         f"def part({', '.join(parameters)}, active: qd.i32, count: qd.i32):",
-        "    qd.loop_config(serialize=True)",
+        f"    qd.loop_config(serialize={one_thread})",
         "    for i in range(active):",
         "        if dry[i] != 0:",
         "            dry[i] = 0",
         *[f"            {line}" for line in resets],
-        "    qd.loop_config(serialize=True)",
+        f"    qd.loop_config(serialize={one_thread})",
         "    for i in range(active, count):",
         "        if dry[i] == 0:",
         "            dry[i] = 1",
@@ -497,87 +503,3 @@ def _invert_kernel(serial: bool) -> Any:
             row_of_id[ids[i]] = i
 
     return invert
-
-
-@kernels.cached
-def _largest_kernel(d: int, serial: bool) -> Any:
-    real = kernels.runtime().real
-    Vectors, Rows, Reals = (kernels.array_type(t) for t in (kernels.vector(d), kernels.i32, real))
-    qd, blocks = kernels.qd, _REDUCTION_BLOCKS
-    spread = 1 if serial else kernels.spread(blocks)
-    huge = float(np.finfo(kernels.runtime().dtype).max)
-
-    @kernels.kernel
-    def largest(field: Vectors, kind: Rows, partial: Reals, kinds: kernels.i32, count: kernels.i32):
-        qd.loop_config(serialize=serial)
-        for t in range(blocks * spread):
-            if t % spread == 0:
-                b = t // spread
-                found = qd.cast(0, real)
-                for i in range(
-                    qd.cast(qd.cast(count, qd.i64) * b // blocks, qd.i32),
-                    qd.cast(qd.cast(count, qd.i64) * (b + 1) // blocks, qd.i32),
-                ):
-                    if kind[i] & kinds != 0:
-                        square = field[i].dot(field[i])
-                        # NaN must win, but it would vanish in max().
-                        if not (square < huge):
-                            square = huge
-                        found = qd.max(found, square)
-                partial[b] = found
-
-    return largest
-
-
-@kernels.cached
-def _total_kernel(integer: bool, serial: bool) -> Any:
-    real = kernels.runtime().real
-    Values, Rows, Reals = (kernels.array_type(t) for t in (kernels.i32 if integer else real, kernels.i32, real))
-    qd, blocks = kernels.qd, _REDUCTION_BLOCKS
-    spread = 1 if serial else kernels.spread(blocks)
-
-    @kernels.kernel
-    def total(field: Values, kind: Rows, partial: Reals, kinds: kernels.i32, count: kernels.i32):
-        qd.loop_config(serialize=serial)
-        for t in range(blocks * spread):
-            if t % spread == 0:
-                b = t // spread
-                s = qd.cast(0, real)
-                for i in range(
-                    qd.cast(qd.cast(count, qd.i64) * b // blocks, qd.i32),
-                    qd.cast(qd.cast(count, qd.i64) * (b + 1) // blocks, qd.i32),
-                ):
-                    if kind[i] & kinds != 0:
-                        s += field[i]
-                partial[b] = s
-
-    return total
-
-
-@kernels.cached
-def _extreme_kernel(largest: bool, serial: bool) -> Any:
-    real = kernels.runtime().real
-    Values, Rows = (kernels.array_type(t) for t in (real, kernels.i32))
-    qd, blocks = kernels.qd, _REDUCTION_BLOCKS
-    spread = 1 if serial else kernels.spread(blocks)
-    huge = float(np.finfo(kernels.runtime().dtype).max) * (-1.0 if largest else 1.0)
-
-    @kernels.kernel
-    def extreme(field: Values, kind: Rows, partial: Values, kinds: kernels.i32, count: kernels.i32):
-        qd.loop_config(serialize=serial)
-        for t in range(blocks * spread):
-            if t % spread == 0:
-                b = t // spread
-                found = qd.cast(huge, real)
-                for i in range(
-                    qd.cast(qd.cast(count, qd.i64) * b // blocks, qd.i32),
-                    qd.cast(qd.cast(count, qd.i64) * (b + 1) // blocks, qd.i32),
-                ):
-                    if kind[i] & kinds != 0:
-                        if kernels.static(largest):
-                            found = qd.max(found, field[i])
-                        else:
-                            found = qd.min(found, field[i])
-                partial[b] = found
-
-    return extreme

@@ -21,6 +21,9 @@ from spume.particles import FLUID
 BYTES_PER_ROW = {2: 1400, 3: 1700}
 """Memory of a run per row of the table [bytes]."""
 
+_BYTES_ON_HOST = 400
+"""Memory that a row takes of the machine itself where another device computes: the initial rows [bytes]."""
+
 _BASE_BYTES = 350 << 20  # of the program itself
 _MICROSECONDS = {2: 5.2, 3: 7.5}  # of one thread per fluid particle and step
 _PARALLEL = 0.82  # part of a step that threads share: two are 1.7 times as fast as one in 3D
@@ -34,6 +37,12 @@ def memory() -> int:
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     except (AttributeError, ValueError, OSError):
         return 8 << 30
+
+
+def host_bytes_per_row(case: Case) -> int:
+    """Return the memory [bytes] of the machine that a case takes per row, whatever its device has of its own."""
+    device = case.device or os.environ.get("SPUME_DEVICE") or "cpu"
+    return BYTES_PER_ROW[case.dimension] if device == "cpu" else _BYTES_ON_HOST
 
 
 @dataclass(frozen=True)

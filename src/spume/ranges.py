@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from spume import kernels
+from spume import kernels, lanes
 from spume.particles import FLUID, WALL
 
 LISTED = FLUID | WALL
@@ -31,6 +31,8 @@ def list_kernel(d: int, periodic: tuple[bool, ...]) -> Any:
     parameters = [f"origin{k}: real" for k in axes] + [f"size{k}: real" for k in axes]
     parameters += [f"shape{k}: qd.i32" for k in axes] + [f"period{k}: real" for k in axes]
     ranges = 3 ** (d - 1) * (2 if periodic[0] else 1)
+    wide, stride = kernels.runtime().wide, lanes.stride()
+    times = f" * {stride}" if wide else ""
     row_of_cells = "shape0 * n1" if d == 2 else "shape0 * (n1 + shape1 * n2)"
     body = [
         f"c{k} = qd.min(qd.max(qd.cast(qd.floor((x[{k}] - origin{k}) / size{k}), qd.i32), 0), shape{k} - 1)"
@@ -80,7 +82,7 @@ def list_kernel(d: int, periodic: tuple[bool, ...]) -> Any:
         "    r = position[j] - x",
         *[f"    r[{k}] -= period{k} * qd.round(r[{k}] / period{k})" for k in axes if periodic[k]],
         # Written without a branch: one candidate in four is near, which no branch predictor can guess.
-        "    neighbour[base_slot + {used}] = j",
+        f"    neighbour[base_slot + {{used}}{times}] = j",
         "    used += qd.cast(r.dot(r) < reach * reach, qd.i32)",
     ]
     body += [
@@ -97,18 +99,10 @@ def list_kernel(d: int, periodic: tuple[bool, ...]) -> Any:
     ]
     lines = [
         "def fill(position: Vectors, kind: Rows, cell_start: Rows, start: Starts, length: Rows, fluid: Rows,",
-        "         neighbour: Rows, flag: Rows, begin: qd.i32, end: qd.i32, rows_per_block: qd.i32, slots: qd.i32,",
-        f"         reach: real, {', '.join(parameters)}):",
+        "         neighbour: Rows, flag: Rows, begin: qd.i32, end: qd.i32, rows_per_block: qd.i32,",
+        f"         slots_per_block: qd.i32, reach: real, {', '.join(parameters)}):",
         "    qd.loop_config(serialize=serial)",
-        f"    for t in range((end - begin + rows_per_block - 1) // rows_per_block * {spread}):",
-        f"        block = t // {spread}",
-        "        first = qd.cast(block, qd.i64) * slots",
-        "        base_slot = qd.cast(first, qd.i32)",
-        "        per0 = 1.0 / size0",
-        "        used = 0",
-        "        beyond = qd.min(begin + (block + 1) * rows_per_block, end)",
-        f"        for i in range(begin + block * rows_per_block, qd.select(t % {spread} == 0, beyond, 0)):",
-        "            before = used",
+        *(_by_row() if wide else _by_block(spread)),
         "            start[i] = first + used",
         "            length[i] = 0",
         "            fluid[i] = 0",
@@ -116,22 +110,55 @@ def list_kernel(d: int, periodic: tuple[bool, ...]) -> Any:
         "                x = position[i]",
         *["                " + line for line in body],
         # Fluid neighbours first, by swaps without a branch.
-        "                front = base_slot + qd.min(before, slots - 1)",
-        "                for k in range(front, base_slot + qd.min(used, slots)):",
-        "                    j = neighbour[k]",
-        "                    neighbour[k] = neighbour[front]",
+        f"                front = base_slot + qd.min(before, slots - 1){times}",
+        "                head = qd.min(before, slots - 1)",
+        "                for k in range(head, qd.min(used, slots)):",
+        f"                    j = neighbour[base_slot + k{times}]",
+        f"                    neighbour[base_slot + k{times}] = neighbour[front]",
         "                    neighbour[front] = j",
-        f"                    front += kind[j] & {FLUID}",
-        "                fluid[i] = front - base_slot - qd.min(before, slots - 1)",
+        f"                    front += (kind[j] & {FLUID}){times}",
+        f"                fluid[i] = (front - base_slot){times.replace('*', '//')} - head",
         # A wall row that sees no fluid takes part in nothing: its list is dropped.
         f"                if kind[i] & {FLUID} == 0 and fluid[i] == 0:",
         "                    used = before",
         "                length[i] = qd.min(used, slots) - qd.min(before, slots)",
-        "        if used > slots:",
-        "            qd.atomic_max(flag[0], used)",
+        # Candidates behind the last neighbour are written too, the last time into its own slot: one must be left.
+        "        if used >= slots:",
+        f"            qd.atomic_max(flag[0], (used + 1){times})",
     ]
     return kernels.compiled(
         "fill", "\n".join(lines) + "\n", Vectors=kernels.array_type(kernels.vector(d)),
         Rows=kernels.array_type(kernels.i32), Starts=kernels.array_type(kernels.i64), real=real,
         serial=kernels.runtime().serial, Ranges=kernels.qd.types.vector(ranges, kernels.i32),
     )  # fmt: skip
+
+
+def _by_block(spread: int) -> list[str]:
+    """Return the loops over blocks of rows, whose lists lie packed behind each other."""
+    return [
+        f"    for t in range((end - begin + rows_per_block - 1) // rows_per_block * {spread}):",
+        f"        block = t // {spread}",
+        "        slots = slots_per_block",
+        "        first = qd.cast(block, qd.i64) * slots",
+        "        base_slot = qd.cast(first, qd.i32)",
+        "        per0 = 1.0 / size0",
+        "        used = 0",
+        "        beyond = qd.min(begin + (block + 1) * rows_per_block, end)",
+        f"        for i in range(begin + block * rows_per_block, qd.select(t % {spread} == 0, beyond, 0)):",
+        "            before = used",
+    ]
+
+
+def _by_row() -> list[str]:
+    """Return the loops over single rows, the lists of a block of which lie interleaved."""
+    return [
+        "    for t in range(end - begin):",
+        "        block = t // rows_per_block",
+        "        slots = slots_per_block // rows_per_block",
+        "        first = qd.cast(block, qd.i64) * slots_per_block + t % rows_per_block",
+        "        base_slot = qd.cast(first, qd.i32)",
+        "        per0 = 1.0 / size0",
+        "        used = 0",
+        "        for i in range(begin + t, begin + t + 1):",
+        "            before = 0",
+    ]

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from spume import chunks, kernels
+from spume import chunks, kernels, lanes
 from spume.lattice import regular_neighbours
 from spume.particles import FLUID, Particles
 from spume.ranges import CELLS_PER_REACH, list_kernel
@@ -31,7 +31,8 @@ A wall row that sees fluid (one radius) has neighbours (another) that must be th
 _WORTH = 3
 """Updates that a list with a skin must serve, at the speed since the last build, for the skin to be used."""
 
-_REDUCTION_BLOCKS = 128
+_MORE_CELLS = 1.25
+"""Cells that there is room for once there is too little, as a multiple of those that are needed."""
 
 _CROWDED = 20
 """Lists that are this many times longer than on the regular arrangement are those of rows that fell together."""
@@ -82,7 +83,8 @@ class NeighbourList:
         self._cells = 0
         self._storage = chunks.Storage()
         d = len(lower)
-        self._partial = kernels.array(kernels.vector(d), 2 * _REDUCTION_BLOCKS)
+        self._partial = kernels.array(kernels.vector(d), 2 * lanes.reduction_blocks())
+        self._bounds = kernels.array(kernels.vector(d), 2 * lanes.REDUCED)
         self._flag = kernels.array(kernels.i32, 1)
 
     def update(self, particles: Particles) -> int:
@@ -200,7 +202,9 @@ class NeighbourList:
         self._order = kernels.array(kernels.i32, self._capacity)
         self._built = kernels.array(kernels.vector(particles.dimension), self._capacity)
         if not self._storage.slots_per_block:
-            self._storage.slots_per_block = int(0.9 * self._regular_slots(particles)) + 64
+            # On wide devices a row has as many slots as the one with the most neighbours needs.
+            share = 1.05 if kernels.runtime().wide else 0.9
+            self._storage.slots_per_block = int(share * self._regular_slots(particles)) + 64
         self._storage.blocks = 0
 
     def _cut(self, rows: int) -> None:
@@ -210,14 +214,16 @@ class NeighbourList:
     def _wrap_and_bound(self, particles: Particles) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         d = particles.dimension
         kernel = _wrap_and_bound_kernel(d, self.periodic, kernels.light(particles.count))
-        kernel(particles["position"], self._partial, particles.count, *map(float, self.lower), *self.period)
-        partial = kernels.host(self._partial)
-        return partial[:_REDUCTION_BLOCKS].min(axis=0), partial[_REDUCTION_BLOCKS:].max(axis=0)
+        kernel(
+            particles["position"], self._partial, self._bounds, particles.count, *map(float, self.lower), *self.period
+        )
+        bounds = kernels.host(self._bounds)
+        return bounds[: lanes.REDUCED].min(axis=0), bounds[lanes.REDUCED :].max(axis=0)
 
     def _largest_displacement_squared(self, particles: Particles) -> float:
         kernel = _displacement_kernel(particles.dimension, kernels.light(particles.count))
-        kernel(particles["position"], self._built, self._partial, particles.count)
-        return float(kernels.host(self._partial)[:_REDUCTION_BLOCKS, 0].max())
+        kernel(particles["position"], self._built, self._partial, self._bounds, particles.count)
+        return float(kernels.host(self._bounds)[: lanes.REDUCED, 0].max())
 
     def _grid(
         self, count: int, low: NDArray[np.float64], high: NDArray[np.float64]
@@ -253,11 +259,11 @@ class NeighbourList:
     ) -> None:
         d, count, cells = particles.dimension, particles.count, int(shape.prod())
         if 2 * cells + 1 > self._cells:
-            self._cells = min(2 * (2 * cells + 1), kernels.LONGEST_ARRAY)
+            self._cells = min(int(_MORE_CELLS * (2 * cells + 1)), kernels.LONGEST_ARRAY)
             self._near = kernels.array(kernels.i32, self._cells)
             self._cell_start = kernels.array(kernels.i32, self._cells)
             self._cursor = kernels.array(kernels.i32, self._cells)
-            self._sums = kernels.array(kernels.i32, _SCAN_BLOCKS)
+            self._sums = kernels.array(kernels.i32, max(_SCAN_BLOCKS, lanes.room_for_scan()))
         light = kernels.light(count)
         _cell_kernel(d, self.periodic, light)(
             particles["position"], particles["kind"], self._cell, self._order, self._cursor, self._near, count, cells,
@@ -269,7 +275,7 @@ class NeighbourList:
         )
         if last := int(kernels.host(self._flag)[0]):
             particles.reorder(self._order, last)
-        particles.part(int(kernels.host(self._cell_start)[cells]))
+        particles.part(int(kernels.value(self._cell_start, cells)))
 
     def _fill(
         self,
@@ -318,11 +324,12 @@ def _copy_kernel(d: int, serial: bool) -> Any:
 @kernels.cached
 def _displacement_kernel(d: int, serial: bool) -> Any:
     Vectors, _, _, _ = _types(d)
-    qd, blocks, real = kernels.qd, _REDUCTION_BLOCKS, kernels.runtime().real
-    huge = float(np.finfo(kernels.runtime().dtype).max)
+    qd, blocks, real = kernels.qd, lanes.reduction_blocks(), kernels.runtime().real
+    huge, reduced = float(np.finfo(kernels.runtime().dtype).max), lanes.REDUCED
+    share = blocks // reduced
 
     @kernels.kernel
-    def displacement(position: Vectors, built: Vectors, partial: Vectors, count: kernels.i32):
+    def displacement(position: Vectors, built: Vectors, partial: Vectors, found: Vectors, count: kernels.i32):
         qd.loop_config(serialize=serial)
         for b in range(blocks):
             largest = qd.cast(0, real)
@@ -337,6 +344,12 @@ def _displacement_kernel(d: int, serial: bool) -> Any:
                     square = huge
                 largest = qd.max(largest, square)
             partial[b][0] = largest
+        qd.loop_config(serialize=serial)
+        for c in range(reduced):
+            largest = qd.cast(0, real)
+            for k in range(share):
+                largest = qd.max(largest, partial[c + k * reduced][0])
+            found[c][0] = largest
 
     return displacement
 
@@ -351,8 +364,9 @@ def _wrap_and_bound_kernel(d: int, periodic: tuple[bool, ...], serial: bool) -> 
         if periodic[k]
     ]
     Vectors, _, _, real = _types(d)
+    blocks = lanes.reduction_blocks()
     lines = [
-        f"def wrap_and_bound(position: Vectors, partial: Vectors, count: qd.i32, {lower}, {period}):",
+        f"def wrap_and_bound(position: Vectors, partial: Vectors, found: Vectors, count: qd.i32, {lower}, {period}):",
         "    qd.loop_config(serialize=serial)",
         "    for b in range(blocks):",
         "        low = Vector(largest)",
@@ -369,10 +383,19 @@ def _wrap_and_bound_kernel(d: int, periodic: tuple[bool, ...], serial: bool) -> 
         "            high = qd.max(high, x)",
         "        partial[b] = low",
         "        partial[blocks + b] = high",
+        "    qd.loop_config(serialize=serial)",
+        "    for c in range(reduced):",
+        "        low = Vector(largest)",
+        "        high = Vector(-largest)",
+        "        for k in range(share):",
+        "            low = qd.min(low, partial[c + k * reduced])",
+        "            high = qd.max(high, partial[blocks + c + k * reduced])",
+        "        found[c] = low",
+        "        found[reduced + c] = high",
     ]
     return kernels.compiled(
         "wrap_and_bound", "\n".join(lines) + "\n", Vectors=Vectors, real=real, d=d,
-        Vector=kernels.vector(d), blocks=_REDUCTION_BLOCKS, serial=serial,
+        Vector=kernels.vector(d), blocks=blocks, serial=serial, reduced=lanes.REDUCED, share=blocks // lanes.REDUCED,
         largest=float(np.finfo(kernels.runtime().dtype).max),
     )  # fmt: skip
 
@@ -446,6 +469,15 @@ def _cell_kernel(d: int, periodic: tuple[bool, ...], serial: bool) -> Any:
 def _scan_kernel(serial: bool) -> Any:
     _, Rows, _, _ = _types(2)
     qd, blocks = kernels.qd, _SCAN_BLOCKS
+    if kernels.runtime().wide:
+        exclusive_sums = lanes.exclusive_sums()
+
+        @kernels.kernel
+        def wide_scan(counts: Rows, start: Rows, sums: Rows, n: kernels.i32):
+            """Exclusive sums of the first n - 1 counts, the last of which is their total; counts as below."""
+            exclusive_sums(counts, start, sums, n - 1)
+
+        return wide_scan
 
     @kernels.kernel
     def scan(counts: Rows, start: Rows, sums: Rows, n: kernels.i32):
@@ -504,7 +536,8 @@ def _scatter_kernel(serial: bool) -> Any:
                 order[t + 1] = row
         qd.loop_config(serialize=serial)
         for i in range(count):
-            if order[i] != i:
+            # An atomic operation of each row on one number would be a queue.
+            if order[i] != i and changed[0] <= i:
                 qd.atomic_max(changed[0], i + 1)
 
     return scatter

@@ -47,15 +47,9 @@ def assembled(position, tied=None, seed=0, periodic=False, single=True, **rows):
 
 def sparse(particles, system):
     """Return matrix and right side of the unknown rows, and their row numbers."""
-    n, length = particles.count, particles.numpy("row_length")
     unknown = np.flatnonzero(particles.numpy("row_state") == UNKNOWN)
-    rows = np.repeat(np.arange(n), length)
-    slots = np.repeat(system.start.to_numpy()[:n] - np.cumsum(length) + length, length) + np.arange(length.sum())
-    matrix = scipy.sparse.csr_matrix(
-        (system.values[0].to_numpy()[slots], (rows, system.columns[0].to_numpy()[slots])), (n, n)
-    )
-    matrix += scipy.sparse.diags(particles.numpy("diagonal"))
-    return matrix.tocsr()[unknown][:, unknown], particles.numpy("rhs")[unknown], unknown
+    matrix = system.sparse(particles)
+    return matrix[unknown][:, unknown], particles.numpy("rhs")[unknown], unknown
 
 
 def solved(particles, system, tolerance=1e-11, **parameters):

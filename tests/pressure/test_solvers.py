@@ -56,15 +56,8 @@ def random_system(d=2, seed=0, laplacian=LAPLACIANS["original"], periodic=False,
 def sparse(particles, system):
     """Return matrix and right side of the unknown rows, and their row numbers."""
     unknown = np.flatnonzero(particles.numpy("row_state") == UNKNOWN)
-    start, length = system.start.to_numpy(), particles.numpy("row_length")
-    column, value = system.columns[0].to_numpy(), system.values[0].to_numpy()
-    n = particles.count
-    matrix = scipy.sparse.lil_matrix((n, n))
-    matrix.setdiag(particles.numpy("diagonal"))
-    for i in unknown:
-        slots = slice(start[i], start[i] + length[i])
-        matrix[i, column[slots]] = value[slots]
-    return matrix.tocsr()[unknown][:, unknown], particles.numpy("rhs")[unknown], unknown
+    matrix = system.sparse(particles)
+    return matrix[unknown][:, unknown], particles.numpy("rhs")[unknown], unknown
 
 
 @pytest.mark.parametrize("laplacian", LAPLACIANS.values(), ids=LAPLACIANS)

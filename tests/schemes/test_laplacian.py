@@ -54,14 +54,7 @@ def polynomials(x):
 
 def matrix(particles, system):
     """Return the pressure matrix, shape (n, n), and the right side."""
-    n = particles.count
-    dense = np.zeros((n, n))
-    start, length = system.start.to_numpy(), particles.numpy("row_length")
-    column, value = system.columns[0].to_numpy(), system.values[0].to_numpy()
-    for i in np.flatnonzero(particles.numpy("row_state") == UNKNOWN):
-        slots = slice(start[i], start[i] + length[i])
-        np.add.at(dense[i], column[slots], value[slots])
-    return dense + np.diag(particles.numpy("diagonal")), particles.numpy("rhs")
+    return system.sparse(particles).toarray(), particles.numpy("rhs")
 
 
 def of_velocity(laplacian, lattice, particles, pairs, phi):

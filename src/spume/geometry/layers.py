@@ -176,6 +176,7 @@ def masters(
     wall_rows = np.flatnonzero(wall)
     dummies = np.flatnonzero(~wall)
     if len(wall_rows) and len(dummies):
-        _, found = cKDTree(position[wall_rows]).query(position[dummies] + 0.25 * to_surface[dummies])
+        tree = cKDTree(position[wall_rows], balanced_tree=False, compact_nodes=False)
+        _, found = tree.query(position[dummies] + 0.25 * to_surface[dummies], workers=-1)
         result[dummies] = wall_rows[found]
     return result

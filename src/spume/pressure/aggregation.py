@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
-from spume import kernels
+from spume import kernels, lanes
 from spume.pressure.entries import SINGLES, Entries, entry_functions, matrix_type
 from spume.pressure.matrix import UNKNOWN
 
@@ -30,6 +30,9 @@ DOMINANT = 0.5
 PARALLEL_ROWS = 10_000
 """Levels with fewer rows are worked on by one thread: waking the others costs more than it saves."""
 
+SURVEYED = 1 << 15
+"""Parts in which wide devices list the rows that have an equation."""
+
 # Words of the table: first row and number of rows of each level, then these.
 _COUNTERS = 2 * (LEVELS + 1)
 DEPTH, SLOTS, OVERFLOW, SHAPE = _COUNTERS, _COUNTERS + 1, _COUNTERS + 2, _COUNTERS + 3
@@ -42,9 +45,11 @@ TOO_FEW_ROWS, TOO_FEW_SLOTS = 1, 2
 def blocks(rows: int = PARALLEL_ROWS + 1) -> int:
     """Return how many blocks of rows are worked on side by side on a level of so many rows."""
     runtime = kernels.runtime()
+    if runtime.wide:
+        return SURVEYED
     if runtime.serial or rows <= PARALLEL_ROWS:
         return 1
-    return 16 * runtime.threads if runtime.device == "cpu" else 1024
+    return 16 * runtime.threads
 
 
 def alone(rows: int) -> bool:
@@ -53,16 +58,17 @@ def alone(rows: int) -> bool:
     A cycle is a dozen short loops, each of which wakes the pool of threads (0.1 to 0.5 ms).
     """
     runtime = kernels.runtime()
-    if runtime.device != "cpu":
-        return blocks(rows) == 1
+    if runtime.wide:
+        return False
     return runtime.serial or rows * (runtime.threads - 1) < 18_000 * runtime.threads
 
 
 def stretches(rows: int = 1) -> int:
     """Return how many stretches of rows are combined side by side; each has a marker for every one of so many rows."""
     runtime = kernels.runtime()
-    wanted = 4 * runtime.threads if runtime.device == "cpu" else 64
-    return max(min(wanted, kernels.LONGEST_ARRAY // rows), 1)
+    if runtime.wide:
+        return 0  # a row's columns are found by looking through those that it has
+    return max(min(4 * runtime.threads, kernels.LONGEST_ARRAY // rows), 1)
 
 
 @kernels.cached
@@ -111,6 +117,7 @@ def scratch_type() -> Any:
         label: Rows  # type: ignore[valid-type]  # smallest connected row of the same cell
         marker: Rows  # type: ignore[valid-type]  # slot of a column
         sums: Rows  # type: ignore[valid-type]
+        counts: Rows  # type: ignore[valid-type]  # rows that have an equation, by part
 
     return Scratch
 
@@ -127,13 +134,11 @@ def stages(entries: Entries, finest: bool) -> Any:
     i32, i64, f32 = kernels.i32, kernels.i64, kernels.f32
     Level, Coarse, Scratch = level_type(entries), level_type(SINGLES), scratch_type()
     Rows, Reals = kernels.array_type(i32), kernels.array_type(real)
-    entry = entry_functions(Level, entries)
+    entry, stride, wide = entry_functions(Level, entries), lanes.stride(), kernels.runtime().wide
     tiny = 1e-10 if kernels.runtime().precision == "double" else 1e-4
     huge = 1e30
 
-    @kernels.func
-    def bound(b: i32, parts: i32, n: i32):  # type: ignore[no-untyped-def]
-        return qd.cast(qd.cast(n, i64) * b // parts, i32)
+    bound = lanes.parts_of().row
 
     @kernels.func
     def zero(b: i32, parts: i32, data: Rows, n: i32, value: i32):  # type: ignore[no-untyped-def, valid-type]
@@ -221,7 +226,8 @@ def stages(entries: Entries, finest: bool) -> Any:
                         least = scratch.label[i]
                         first = level.start[at + i]
                         chunk = entry.chunk(level, at + i)
-                        for k in range(first, first + level.length[at + i]):
+                        for q in range(level.length[at + i]):
+                            k = first + q * stride
                             j = entry.column(level, chunk, k)
                             if level.aggregate[at + j] == c:
                                 v = qd.cast(entry.value(level, chunk, k), f32)
@@ -263,6 +269,21 @@ def stages(entries: Entries, finest: bool) -> Any:
                     coarse.last[to + own] = at_member
                     coarse.cell[to + own] = c
                     own += 1
+
+    @kernels.func
+    def finish(
+        coarse: Coarse, row: i32, own: i32, first: i32, length: i32, total: real, excess: real, size: real,  # type: ignore[valid-type]
+    ):  # fmt: skip
+        """Note what a coarse row is made of: its entries beside the diagonal, the diagonal and the sum of all."""
+        coarse.start[row] = first
+        coarse.length[row] = length
+        coarse.diagonal[row] = qd.cast(total, f32)
+        coarse.excess[row] = qd.cast(excess, f32)
+        # Without a tie to a known pressure an aggregate that stands alone has no equation left.
+        weight = qd.select(length > 0, qd.cast(DAMPING, real), qd.cast(1, real))
+        inverse = qd.select(total > tiny * size, weight / qd.max(total, tiny * size), qd.cast(0, real))
+        coarse.inverse[row] = qd.cast(inverse, f32)
+        coarse.row[row] = own
 
     @kernels.func
     def combine(
@@ -330,21 +351,63 @@ def stages(entries: Entries, finest: bool) -> Any:
             total = excess
             for k in range(first, cursor):
                 total -= coarse.value[k]
-            row = to + own
-            coarse.start[row] = first
-            coarse.length[row] = cursor - first
-            coarse.diagonal[row] = qd.cast(total, f32)
-            coarse.excess[row] = qd.cast(excess, f32)
-            # Without a tie to a known pressure an aggregate that stands alone has no equation left.
-            weight = qd.select(cursor > first, qd.cast(DAMPING, real), qd.cast(1, real))
-            inverse = qd.select(total > tiny * size, weight / qd.max(total, tiny * size), qd.cast(0, real))
-            coarse.inverse[row] = qd.cast(inverse, f32)
-            coarse.row[row] = own
+            finish(coarse, to + own, own, first, cursor - first, total, excess, size)
         return cursor
+
+    @kernels.func
+    def combine_row(
+        b: i32, parts: i32, level: Level, diagonal: Reals, at: i32, coarse: Coarse, to: i32, n: i32, slots: i32,  # type: ignore[valid-type]
+        room: i32, scratch: Scratch, table: Rows,  # type: ignore[valid-type]
+    ):  # fmt: skip
+        """Sum the rows and columns of aggregate b, whose columns lie interleaved with others' and are ``room`` at most.
+
+        A new column is looked for among those that are there: they are few, and threads beside each other read on.
+        """
+        row = to + b
+        first = slots + b // stride * stride * room + b % stride
+        used = 0
+        excess = qd.cast(0, real)
+        size = qd.cast(0, real)
+        for s in range(coarse.first[row], coarse.last[row]):
+            i = at + level.member[at + s]
+            size += level.diagonal[i]
+            if kernels.static(finest):
+                excess += diagonal[i]
+            else:
+                excess += level.excess[i]
+            start = level.start[i]
+            chunk = entry.chunk(level, i)
+            for q in range(level.length[i]):
+                k = start + q * stride
+                j = level.aggregate[at + entry.column(level, chunk, k)]
+                v = entry.value(level, chunk, k)
+                if kernels.static(finest):
+                    excess += v
+                if j < 0:
+                    # A row that is left to the sweeps counts as known.
+                    excess -= v
+                elif j != b:
+                    m = used
+                    for c in range(used):
+                        if coarse.column[first + c * stride] == j:
+                            m = c
+                            break
+                    if m < used:
+                        coarse.value[first + m * stride] += qd.cast(v, f32)
+                    elif used < room:
+                        coarse.column[first + m * stride] = j
+                        coarse.value[first + m * stride] = qd.cast(v, f32)
+                        used += 1
+                    else:
+                        qd.atomic_or(table[OVERFLOW], TOO_FEW_SLOTS)
+        total = excess
+        for c in range(used):
+            total -= coarse.value[first + c * stride]
+        finish(coarse, row, b, first, used, total, excess, size)
 
     return SimpleNamespace(
         bound=bound, zero=zero, shape=shape, cells=cells, place=place, scan=scan,
-        scatter=scatter, split=split, number=number, combine=combine,
+        scatter=scatter, split=split, number=number, combine=combine_row if wide else combine,
     )  # fmt: skip
 
 
@@ -355,7 +418,7 @@ def particle_stages(d: int, entries: Entries) -> Any:
     i32, f32 = kernels.i32, kernels.f32
     Level, Scratch = level_type(entries), scratch_type()
     Rows, Reals, Vectors = (kernels.array_type(t) for t in (i32, real, kernels.vector(d)))
-    bound = stages(entries, True).bound
+    bound = lanes.parts_of().bound
     huge = 1e30
 
     @kernels.func
@@ -376,17 +439,29 @@ def particle_stages(d: int, entries: Entries) -> Any:
         counts[b] = found
 
     @kernels.func
-    def grid(parts: i32, low: Vectors, high: Vectors, counts: Rows, table: Rows, cell: real, most: i32):  # type: ignore[no-untyped-def, valid-type]
-        """Choose the cells of the first level; where there would be too many, far apart ones are one."""
-        lowest = low[0]
-        highest = high[0]
+    def bring_together(c: i32, left: i32, parts: i32, low: Vectors, high: Vectors):  # type: ignore[no-untyped-def, valid-type]
+        """Leave fewer bounds, of which this is number c."""
+        for k in range(1, parts // left):
+            low[c] = qd.min(low[c], low[c + k * left])
+            high[c] = qd.max(high[c], high[c + k * left])
+
+    @kernels.func
+    def sum_counts(parts: i32, counts: Rows):  # type: ignore[no-untyped-def, valid-type]
         total = 0
         for b in range(parts):
-            lowest = qd.min(lowest, low[b])
-            highest = qd.max(highest, high[b])
             own = counts[b]
             counts[b] = total
             total += own
+        return total
+
+    @kernels.func
+    def grid(parts: i32, low: Vectors, high: Vectors, total: i32, table: Rows, cell: real, most: i32):  # type: ignore[no-untyped-def, valid-type]
+        """Choose the cells of the first level; where there would be too many, far apart ones are one."""
+        lowest = low[0]
+        highest = high[0]
+        for b in range(parts):
+            lowest = qd.min(lowest, low[b])
+            highest = qd.max(highest, high[b])
         low[0] = lowest
         table[0] = 0
         table[1] = total
@@ -439,4 +514,6 @@ def particle_stages(d: int, entries: Entries) -> Any:
             level.inverse[i] = qd.cast(inverse, f32)
             level.aggregate[i] = c
 
-    return SimpleNamespace(survey=survey, grid=grid, place_particles=place_particles)
+    return SimpleNamespace(
+        survey=survey, bring_together=bring_together, sum_counts=sum_counts, grid=grid, place_particles=place_particles
+    )

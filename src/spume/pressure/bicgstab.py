@@ -2,12 +2,15 @@
 
 from typing import Any, ClassVar
 
-from spume import kernels
+from spume import kernels, lanes
 from spume.particles import Field, Particles
 from spume.pressure.base import Solution, Solver, square_of_row
-from spume.pressure.conjugate_gradient import BLOCKS, negligible, solution
+from spume.pressure.conjugate_gradient import BLOCKS, negligible, solution, workspace
 from spume.pressure.entries import Entries, matrix_type, row_sum
 from spume.pressure.matrix import UNKNOWN, LinearSystem
+
+WIDTH = 5
+"""Numbers that each part of a loop sums."""
 
 _VECTORS = ("residual", "shadow", "direction", "product", "middle", "middle_product", "scaled")
 
@@ -25,7 +28,7 @@ class StabilisedBiconjugateGradient(Solver, name="bicgstab"):
     def __call__(self, system: LinearSystem, particles: Particles) -> Solution:
         """Solve for the unknown rows of the system."""
         start, iterate = _kernels(system.entries)
-        partial, scalars, running = _workspace()
+        partial, scalars, running = workspace(lanes.room_for_sums(particles.capacity, BLOCKS), WIDTH)
         vectors = [
             particles[system.solution],
             particles[system.diagonal],
@@ -51,12 +54,6 @@ class StabilisedBiconjugateGradient(Solver, name="bicgstab"):
 
 
 @kernels.cached
-def _workspace() -> Any:
-    real = kernels.runtime().real
-    return kernels.array(real, 5 * BLOCKS), kernels.array(real, 8), kernels.scalar_array(kernels.i32)
-
-
-@kernels.cached
 def _kernels(entries: Entries) -> Any:
     real = kernels.runtime().real
     Matrix = matrix_type(entries)
@@ -64,24 +61,15 @@ def _kernels(entries: Entries) -> Any:
     Flag = kernels.qd.types.ndarray(dtype=kernels.i32, ndim=0)
     serial, qd, blocks = kernels.runtime().serial, kernels.qd, BLOCKS
 
-    @kernels.func
-    def bound(b: kernels.i32, count: kernels.i32):  # type: ignore[no-untyped-def]
-        return qd.cast(qd.cast(count, qd.i64) * b // blocks, qd.i32)
-
-    @kernels.func
-    def total(partial: Reals, first: kernels.i32):  # type: ignore[no-untyped-def]
-        s = qd.cast(0, real)
-        for b in range(blocks):
-            s += partial[first + b]
-        return s
-
+    every, row = lanes.parts_of().every, lanes.parts_of().row
+    fold, total = lanes.fold(WIDTH).fold, lanes.fold(WIDTH).total
     add = row_sum(Matrix, entries, "+", real, real)
 
     @kernels.func
     def row_product(matrix: Matrix, diagonal: Reals, x: Reals, i: kernels.i32):  # type: ignore[no-untyped-def, valid-type]
         return add(matrix, i, 0, x, diagonal[i] * x[i])
 
-    # scalars: 0 b.b, 1 r.r, 2 rho, 3 beta, 4 iterations, 5 omega
+    # scalars: 0 b.b, 1 r.r, 2 rho, 3 beta, 4 iterations, 5 omega, 6 alpha
     @kernels.kernel
     def start_bicgstab(
         matrix: Matrix,
@@ -90,10 +78,10 @@ def _kernels(entries: Entries) -> Any:
         floor: real, loosest: real, count: kernels.i32,
     ):  # fmt: skip
         qd.loop_config(serialize=serial)
-        for b in range(blocks):
+        for b in range(every(blocks, count)):
             rr = qd.cast(0, real)
             bb = qd.cast(0, real)
-            for i in range(bound(b, count), bound(b + 1, count)):
+            for i in range(row(b, every(blocks, count), count), row(b + 1, every(blocks, count), count)):
                 rest = qd.cast(0, real)
                 if state[i] == UNKNOWN:
                     rest = rhs[i] - row_product(matrix, diagonal, x, i)
@@ -103,12 +91,13 @@ def _kernels(entries: Entries) -> Any:
                 p[i] = rest
                 v[i] = 0
                 rr += rest * rest
-            partial[b] = bb
-            partial[blocks + b] = rr
+            partial[WIDTH * b] = bb
+            partial[WIDTH * b + 1] = rr
+        fold(partial, count)
         qd.loop_config(serialize=True)
         for _ in range(1):
-            scalars[0] = total(partial, 0)
-            scalars[1] = total(partial, blocks)
+            scalars[0] = total(partial, blocks, 0)
+            scalars[1] = total(partial, blocks, 1)
             scalars[2] = scalars[1]
             scalars[3] = 0
             scalars[4] = 0
@@ -128,53 +117,58 @@ def _kernels(entries: Entries) -> Any:
                 p[i] = r[i] + scalars[3] * (p[i] - scalars[5] * v[i])
                 y[i] = p[i] / diagonal[i]
             qd.loop_config(serialize=serial)
-            for b in range(blocks):
+            for b in range(every(blocks, count)):
                 sv = qd.cast(0, real)
-                for i in range(bound(b, count), bound(b + 1, count)):
+                for i in range(row(b, every(blocks, count), count), row(b + 1, every(blocks, count), count)):
                     v[i] = row_product(matrix, diagonal, y, i)
                     sv += shadow[i] * v[i]
-                partial[b] = sv
+                partial[WIDTH * b] = sv
+            fold(partial, count)
+            qd.loop_config(serialize=True)
+            for _ in range(1):
+                scalars[6] = scalars[2] / total(partial, blocks, 0)
             qd.loop_config(serialize=serial)
-            for b in range(blocks):
-                alpha = scalars[2] / total(partial, 0)
-                for i in range(bound(b, count), bound(b + 1, count)):
+            for b in range(every(blocks, count)):
+                alpha = scalars[6]
+                for i in range(row(b, every(blocks, count), count), row(b + 1, every(blocks, count), count)):
                     x[i] += alpha * y[i]
                     s[i] = r[i] - alpha * v[i]
                     y[i] = s[i] / diagonal[i]
             qd.loop_config(serialize=serial)
-            for b in range(blocks):
+            for b in range(every(blocks, count)):
                 ts = qd.cast(0, real)
                 tt = qd.cast(0, real)
-                for i in range(bound(b, count), bound(b + 1, count)):
+                for i in range(row(b, every(blocks, count), count), row(b + 1, every(blocks, count), count)):
                     t[i] = row_product(matrix, diagonal, y, i)
                     ts += t[i] * s[i]
                     tt += t[i] * t[i]
-                partial[blocks + b] = ts
-                partial[2 * blocks + b] = tt
+                partial[WIDTH * b + 1] = ts
+                partial[WIDTH * b + 2] = tt
+            fold(partial, count)
+            qd.loop_config(serialize=True)
+            for _ in range(1):
+                tt = total(partial, blocks, 2)
+                scalars[5] = qd.select(tt > 0, total(partial, blocks, 1) / qd.max(tt, 1e-300), 0.0)
             qd.loop_config(serialize=serial)
-            for b in range(blocks):
-                tt = total(partial, 2 * blocks)
-                omega = qd.select(tt > 0, total(partial, blocks) / qd.max(tt, 1e-300), 0.0)
+            for b in range(every(blocks, count)):
+                omega = scalars[5]
                 rr = qd.cast(0, real)
                 sr = qd.cast(0, real)
-                for i in range(bound(b, count), bound(b + 1, count)):
+                for i in range(row(b, every(blocks, count), count), row(b + 1, every(blocks, count), count)):
                     x[i] += omega * y[i]
                     rest = s[i] - omega * t[i]
                     r[i] = rest
                     rr += rest * rest
                     sr += rest * shadow[i]
-                partial[3 * blocks + b] = sr
-                partial[4 * blocks + b] = rr
+                partial[WIDTH * b + 3] = sr
+                partial[WIDTH * b + 4] = rr
+            fold(partial, count)
             qd.loop_config(serialize=True)
             for _ in range(1):
-                tt = total(partial, 2 * blocks)
-                omega = qd.select(tt > 0, total(partial, blocks) / qd.max(tt, 1e-300), 0.0)
-                alpha = scalars[2] / total(partial, 0)
-                rho = total(partial, 3 * blocks)
-                scalars[3] = rho / scalars[2] * alpha / omega
+                rho = total(partial, blocks, 3)
+                scalars[3] = rho / scalars[2] * scalars[6] / scalars[5]
                 scalars[2] = rho
-                scalars[5] = omega
-                scalars[1] = total(partial, 4 * blocks)
+                scalars[1] = total(partial, blocks, 4)
                 scalars[4] += 1
                 running[None] = qd.cast(
                     scalars[1] > tolerance * tolerance * scalars[0] and scalars[4] < largest, qd.i32

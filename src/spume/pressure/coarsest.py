@@ -9,12 +9,14 @@ but rounding belongs to a part of the water without a known pressure; its correc
 from types import SimpleNamespace
 from typing import Any
 
-from spume import kernels
+from spume import kernels, lanes
 from spume.pressure.aggregation import BAND, level_type
 from spume.pressure.entries import SINGLES
 
 MOST_ROWS = 1024
 """Levels with more rows are not solved directly."""
+MOST_ROWS_OF_ONE_LANE = 12
+"""On wide devices, where one thread is slow and a level more costs little."""
 MOST_SLOTS = 1 << 16
 """Numbers in the band, at most."""
 WORK = 4
@@ -32,6 +34,8 @@ def direct_stages() -> Any:
     qd, real = kernels.qd, kernels.runtime().real
     i32, i64, f32 = kernels.i32, kernels.i64, kernels.f32
     Level, Rows = level_type(SINGLES), kernels.array_type(i32)
+    stride, wide = lanes.stride(), kernels.runtime().wide
+    most_rows, work = (MOST_ROWS_OF_ONE_LANE, MOST_ROWS_OF_ONE_LANE**2) if wide else (MOST_ROWS, WORK)
     tiny = 1e-10 if kernels.runtime().precision == "double" else 1e-4
 
     @kernels.func
@@ -39,8 +43,8 @@ def direct_stages() -> Any:
         width = 0
         for i in range(n):
             first = level.start[at + i]
-            for k in range(first, first + level.length[at + i]):
-                width = qd.max(width, qd.abs(level.column[k] - i))
+            for k in range(level.length[at + i]):
+                width = qd.max(width, qd.abs(level.column[first + k * stride] - i))
         return width
 
     @kernels.func
@@ -51,7 +55,8 @@ def direct_stages() -> Any:
             for s in range(i * size, (i + 1) * size):
                 level.band[s] = 0
             first = level.start[at + i]
-            for k in range(first, first + level.length[at + i]):
+            for q in range(level.length[at + i]):
+                k = first + q * stride
                 level.band[row + level.column[k]] = qd.cast(level.value[k], real)
             rest = qd.cast(level.excess[at + i], real)
             for k in range(qd.max(i - width, 0), i):
@@ -78,9 +83,9 @@ def direct_stages() -> Any:
         n = table[2 * k + 1]
         table[BAND] = -1
         done = 0
-        if n <= MOST_ROWS:
+        if n <= most_rows:
             width = half_width(level, at, n)
-            if n * (2 * width + 1) <= MOST_SLOTS and qd.cast(n, i64) * width * width <= qd.cast(table[1], i64) * WORK:
+            if n * (2 * width + 1) <= MOST_SLOTS and qd.cast(n, i64) * width * width <= qd.cast(table[1], i64) * work:
                 eliminate(level, at, n, width)
                 table[BAND] = width
                 done = 1

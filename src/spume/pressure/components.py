@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from spume import kernels
+from spume import kernels, lanes
 from spume.particles import Field, Particles
 from spume.pressure.entries import Entries, entry_functions, matrix_type
 from spume.pressure.matrix import UNKNOWN, LinearSystem
@@ -80,7 +80,7 @@ def _start_kernel(serial: bool) -> Any:
 def _label_kernel(entries: Entries, serial: bool) -> Any:
     """One round of hooking and pointer jumping: rounds grow with the logarithm of the component's size."""
     Rows, Matrix = kernels.array_type(kernels.i32), matrix_type(entries)
-    entry = entry_functions(Matrix, entries)
+    entry, stride = entry_functions(Matrix, entries), lanes.stride()
     qd = kernels.qd
 
     @kernels.kernel
@@ -91,8 +91,8 @@ def _label_kernel(entries: Entries, serial: bool) -> Any:
                 least = label[i]
                 first = matrix.start[i]
                 chunk = entry.chunk(matrix, i)
-                for k in range(first, first + matrix.length[i]):
-                    least = qd.min(least, label[entry.column(matrix, chunk, k)])
+                for k in range(matrix.length[i]):
+                    least = qd.min(least, label[entry.column(matrix, chunk, first + k * stride)])
                 if least < label[i]:
                     qd.atomic_min(label[label[i]], least)
                     qd.atomic_min(label[i], least)

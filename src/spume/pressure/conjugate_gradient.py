@@ -4,14 +4,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from spume import kernels
+from spume import kernels, lanes
 from spume.particles import Field, Particles
 from spume.pressure.base import LOOSEST, NotConverged, Solution, Solver, square_of_row
 from spume.pressure.entries import Entries, matrix_type, row_sum
 from spume.pressure.matrix import UNKNOWN, LinearSystem
 
 BLOCKS = 128
-"""Sums are made of this many partial sums, whatever the number of threads: the same bits every time."""
+"""Sums are made of this many partial sums, whatever the number of threads: the same bits every time (see `lanes`)."""
 
 
 class ConjugateGradient(Solver, name="cg"):
@@ -33,7 +33,7 @@ class ConjugateGradient(Solver, name="cg"):
     def __call__(self, system: LinearSystem, particles: Particles) -> Solution:
         """Solve for the unknown rows of the system."""
         start, iterate = _kernels(system.entries)
-        partial, scalars, running = _workspace()
+        partial, scalars, running = workspace(lanes.room_for_sums(particles.capacity, BLOCKS))
         vectors = [particles[n] for n in (system.solution, *self.vectors, system.diagonal)]
         matrix = system.matrix(particles)
         start(
@@ -78,9 +78,10 @@ def solution(scalars: Any, solver: Solver) -> Solution:
 
 
 @kernels.cached
-def _workspace() -> Any:
+def workspace(sums: int, width: int = 3) -> Any:
+    """Return the arrays of so many partial sums of ``width`` numbers, of an iteration's scalars, and its flag."""
     real = kernels.runtime().real
-    return kernels.array(real, 4 * BLOCKS), kernels.array(real, 8), kernels.scalar_array(kernels.i32)
+    return kernels.array(real, width * sums), kernels.array(real, 8), kernels.scalar_array(kernels.i32)
 
 
 @kernels.cached
@@ -95,20 +96,13 @@ def _kernels(entries: Entries) -> Any:
     Matrix = matrix_type(entries)
     Reals, Rows = (kernels.array_type(t) for t in (real, kernels.i32))
     Flag = kernels.qd.types.ndarray(dtype=kernels.i32, ndim=0)
-    serial, qd, blocks = kernels.runtime().serial, kernels.qd, BLOCKS
+    qd, blocks = kernels.qd, BLOCKS
+    serial = kernels.runtime().serial and not kernels.runtime().wide
 
     add, subtract = (row_sum(Matrix, entries, sign, real, real) for sign in "+-")
 
-    @kernels.func
-    def bound(b: kernels.i32, count: kernels.i32):  # type: ignore[no-untyped-def]
-        return qd.cast(qd.cast(count, qd.i64) * b // blocks, qd.i32)
-
-    @kernels.func
-    def total(partial: Reals, first: kernels.i32):  # type: ignore[no-untyped-def]
-        s = qd.cast(0, real)
-        for b in range(blocks):
-            s += partial[first + b]
-        return s
+    every, row = lanes.parts_of().every, lanes.parts_of().row
+    fold, total = lanes.fold().fold, lanes.fold().total
 
     @kernels.func
     def residual(
@@ -118,7 +112,7 @@ def _kernels(entries: Entries) -> Any:
         rr = qd.cast(0, real)
         rz = qd.cast(0, real)
         bb = qd.cast(0, real)
-        for i in range(bound(b, count), bound(b + 1, count)):
+        for i in range(row(b, every(blocks, count), count), row(b + 1, every(blocks, count), count)):
             rest = qd.cast(0, real)
             if state[i] == UNKNOWN:
                 rest = subtract(matrix, i, 0, x, rhs[i] - diagonal[i] * x[i])
@@ -127,9 +121,9 @@ def _kernels(entries: Entries) -> Any:
             p[i] = rest / diagonal[i]
             rr += rest * rest
             rz += rest * p[i]
-        partial[b] = bb
-        partial[blocks + b] = rr
-        partial[2 * blocks + b] = rz
+        partial[3 * b] = bb
+        partial[3 * b + 1] = rr
+        partial[3 * b + 2] = rz
 
     @kernels.func
     def product(
@@ -137,41 +131,45 @@ def _kernels(entries: Entries) -> Any:
         diagonal: Reals, partial: Reals, count: kernels.i32,
     ):  # fmt: skip
         pq = qd.cast(0, real)
-        for i in range(bound(b, count), bound(b + 1, count)):
+        for i in range(row(b, every(blocks, count), count), row(b + 1, every(blocks, count), count)):
             s = add(matrix, i, 0, p, diagonal[i] * p[i])
             q[i] = s
             pq += p[i] * s
-        partial[b] = pq
+        partial[3 * b] = pq
 
     @kernels.func
     def advance(
         b: kernels.i32, x: Reals, r: Reals, p: Reals, q: Reals, diagonal: Reals, partial: Reals, scalars: Reals,
         count: kernels.i32,
     ):  # fmt: skip
-        alpha = scalars[2] / total(partial, 0)
+        alpha = scalars[5]
         rr = qd.cast(0, real)
         rz = qd.cast(0, real)
-        for i in range(bound(b, count), bound(b + 1, count)):
+        for i in range(row(b, every(blocks, count), count), row(b + 1, every(blocks, count), count)):
             x[i] += alpha * p[i]
             rest = r[i] - alpha * q[i]
             r[i] = rest
             rr += rest * rest
             rz += rest * rest / diagonal[i]
-        partial[blocks + b] = rr
-        partial[2 * blocks + b] = rz
+        partial[3 * b + 1] = rr
+        partial[3 * b + 2] = rz
+
+    @kernels.func
+    def choose(partial: Reals, scalars: Reals):  # type: ignore[no-untyped-def]
+        scalars[5] = scalars[2] / total(partial, blocks, 0)
 
     @kernels.func
     def decide(partial: Reals, scalars: Reals, running: Flag, tolerance: real, largest: kernels.i32):  # type: ignore[no-untyped-def]
-        rz = total(partial, 2 * blocks)
+        rz = total(partial, blocks, 2)
         scalars[3] = rz / scalars[2]
         scalars[2] = rz
-        scalars[1] = total(partial, blocks)
+        scalars[1] = total(partial, blocks, 1)
         scalars[4] += 1
         running[None] = qd.cast(scalars[1] > tolerance * tolerance * scalars[0] and scalars[4] < largest, qd.i32)
 
     @kernels.func
     def turn(b: kernels.i32, r: Reals, p: Reals, diagonal: Reals, scalars: Reals, count: kernels.i32):  # type: ignore[no-untyped-def]
-        for i in range(bound(b, count), bound(b + 1, count)):
+        for i in range(row(b, every(blocks, count), count), row(b + 1, every(blocks, count), count)):
             p[i] = r[i] / diagonal[i] + scalars[3] * p[i]
 
     @kernels.kernel
@@ -180,13 +178,14 @@ def _kernels(entries: Entries) -> Any:
         partial: Reals, scalars: Reals, running: Flag, tolerance: real, floor: real, loosest: real, count: kernels.i32,
     ):  # fmt: skip
         qd.loop_config(serialize=serial)
-        for b in range(blocks):
+        for b in range(every(blocks, count)):
             residual(b, matrix, x, r, p, diagonal, rhs, state, partial, floor, loosest, count)
+        fold(partial, count)
         qd.loop_config(serialize=True)
         for _ in range(1):
-            scalars[0] = total(partial, 0)
-            scalars[1] = total(partial, blocks)
-            scalars[2] = total(partial, 2 * blocks)
+            scalars[0] = total(partial, blocks, 0)
+            scalars[1] = total(partial, blocks, 1)
+            scalars[2] = total(partial, blocks, 2)
             scalars[4] = 0
             running[None] = qd.cast(scalars[1] > tolerance * tolerance * scalars[0], qd.i32)
 
@@ -200,6 +199,7 @@ def _kernels(entries: Entries) -> Any:
             while running[None] == 1:
                 for b in range(blocks):
                     product(b, matrix, p, q, diagonal, partial, count)
+                choose(partial, scalars)
                 for b in range(blocks):
                     advance(b, x, r, p, q, diagonal, partial, scalars, count)
                 decide(partial, scalars, running, tolerance, largest)
@@ -212,13 +212,17 @@ def _kernels(entries: Entries) -> Any:
         partial: Reals, scalars: Reals, running: Flag, tolerance: real, largest: kernels.i32, count: kernels.i32,
     ):  # fmt: skip
         while qd.graph.do_while(running):
-            for b in range(blocks):
+            for b in range(every(blocks, count)):
                 product(b, matrix, p, q, diagonal, partial, count)
-            for b in range(blocks):
+            fold(partial, count)
+            for _ in range(1):
+                choose(partial, scalars)
+            for b in range(every(blocks, count)):
                 advance(b, x, r, p, q, diagonal, partial, scalars, count)
+            fold(partial, count)
             for _ in range(1):
                 decide(partial, scalars, running, tolerance, largest)
-            for b in range(blocks):
+            for b in range(every(blocks, count)):
                 turn(b, r, p, diagonal, scalars, count)
 
     return start_cg, iterate_in_one_thread if serial else iterate

@@ -11,7 +11,7 @@ from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
-from spume import kernels
+from spume import kernels, lanes
 from spume.pressure.aggregation import BAND, blocks, level_type, stages
 from spume.pressure.base import square_of_row
 from spume.pressure.coarsest import direct_stages
@@ -83,7 +83,7 @@ def cycle_stages(symmetric: bool, entries: Entries) -> Any:
     i32, f32 = kernels.i32, kernels.f32
     Level, Coarse = level_type(entries), level_type(SINGLES)
     Reals = kernels.array_type(real)
-    bound = stages(entries, entries != SINGLES).bound
+    bound, total = stages(entries, entries != SINGLES).bound, lanes.fold().total
     add, subtract = (row_sum(Level, entries, sign, f32, f32) for sign in "+-")
 
     @kernels.func
@@ -161,13 +161,6 @@ def cycle_stages(symmetric: bool, entries: Entries) -> Any:
         partial[3 * b] = energy
         partial[3 * b + 1] = share
         partial[3 * b + 2] = overlap
-
-    @kernels.func
-    def total(partial: Reals, parts: i32, which: i32):  # type: ignore[no-untyped-def, valid-type]
-        s = qd.cast(0, real)
-        for b in range(parts):
-            s += partial[3 * b + which]
-        return s
 
     @kernels.func
     def ratio(a: real, b: real):  # type: ignore[no-untyped-def, valid-type]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, make_dataclass
 from types import SimpleNamespace
 from typing import Any
 
-from spume import kernels
+from spume import kernels, lanes
 
 
 @dataclass(frozen=True)
@@ -67,6 +67,8 @@ def row_sum(struct: Any, entries: Entries, sign: str, real: Any, vector: Any) ->
         real: type of the sum.
         vector: type of the values of x; that of column j stands at ``at + j``.
     """
+    stride = lanes.stride()
+    slot = "k" if stride == 1 else f"first + k * {stride}"
     lines = [
         "def row_sum(matrix: Matrix, i: qd.i32, at: qd.i32, x: Vector, s: real):",
         "    total = s",
@@ -78,8 +80,8 @@ def row_sum(struct: Any, entries: Entries, sign: str, real: Any, vector: Any) ->
             for line in _by_chunk(
                 entries,
                 [
-                    "for k in range(first, last):",
-                    f"    total {sign}= qd.cast({{value}}[k], real) * x[at + {{column}}[k]]",
+                    "for k in range(first, last):" if stride == 1 else "for k in range(matrix.length[i]):",
+                    f"    total {sign}= qd.cast({{value}}[{slot}], real) * x[at + {{column}}[{slot}]]",
                 ],
             )
         ],

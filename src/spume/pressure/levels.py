@@ -103,10 +103,10 @@ def build_in_one_thread(d: int, entries: Entries) -> Any:
     ) -> i32:  # type: ignore[valid-type]  # fmt: skip
         qd.loop_config(serialize=True)
         for _ in range(1):
-            p.survey(0, 1, position, state, low, high, scratch.sums, count)
-            p.grid(1, low, high, scratch.sums, table, cell, most)
+            p.survey(0, 1, position, state, low, high, scratch.counts, count)
+            p.grid(1, low, high, p.sum_counts(1, scratch.counts), table, cell, most)
             s.zero(0, 1, scratch.cursor, s.cells(table, 0), 0)
-            p.place_particles(0, 1, level, diagonal, position, state, low, scratch.sums, scratch, table, cell, count)
+            p.place_particles(0, 1, level, diagonal, position, state, low, scratch.counts, scratch, table, cell, count)
             first(level, diagonal, coarse, scratch, table, 0, rows, slots)
             build_coarser(coarse, diagonal, scratch, table, 1, rows, slots)
         return table[DEPTH] + BEHIND_DEPTH * table[OVERFLOW]
@@ -115,16 +115,10 @@ def build_in_one_thread(d: int, entries: Entries) -> Any:
 
 
 @kernels.cached
-def build_with_threads(d: int, entries: Entries) -> tuple[Any, Any, Any]:
-    """Return the kernels that build the first level, a further level, and all that are left in one thread."""
-    qd, real = kernels.qd, kernels.runtime().real
+def entering() -> Any:
+    """Return the function that enters a new level into the table."""
     i32 = kernels.i32
-    Level, Coarse, Scratch = level_type(entries), level_type(SINGLES), scratch_type()
-    Rows, Reals, Vectors = (kernels.array_type(t) for t in (i32, real, kernels.vector(d)))
-    s, p = stages(SINGLES, False), particle_stages(d, entries)
-    f, build_coarser = stages(entries, True), coarser_levels()
-    parts = blocks()
-    spread, spread_combined = kernels.spread(parts), kernels.spread(stretches())
+    Rows = kernels.array_type(i32)
 
     @kernels.func
     def enter(table: Rows, k: i32, found: i32, rows: i32):  # type: ignore[no-untyped-def, valid-type]
@@ -140,6 +134,23 @@ def build_with_threads(d: int, entries: Entries) -> tuple[Any, Any, Any]:
         elif found > 0:
             table[DEPTH] = k + 2
 
+    return enter
+
+
+@kernels.cached
+def build_with_threads(d: int, entries: Entries) -> tuple[Any, Any, Any]:
+    """Return the kernels that build the first level, a further level, and all that are left in one thread."""
+    qd, real = kernels.qd, kernels.runtime().real
+    i32 = kernels.i32
+    Level, Coarse, Scratch = level_type(entries), level_type(SINGLES), scratch_type()
+    Rows, Reals, Vectors = (kernels.array_type(t) for t in (i32, real, kernels.vector(d)))
+    s, p = stages(SINGLES, False), particle_stages(d, entries)
+    f, build_coarser = stages(entries, True), coarser_levels()
+    parts = blocks()
+    spread, spread_combined = kernels.spread(parts), kernels.spread(stretches())
+
+    enter = entering()
+
     @kernels.func
     def room(table: Rows, slots: i32):  # type: ignore[no-untyped-def, valid-type]
         """Return the slots that the next level may spread over."""
@@ -154,10 +165,10 @@ def build_with_threads(d: int, entries: Entries) -> tuple[Any, Any, Any]:
         for t in range(parts * spread):
             if t % spread == 0:
                 b = t // spread
-                p.survey(b, parts, position, state, low, high, scratch.sums, count)
+                p.survey(b, parts, position, state, low, high, scratch.counts, count)
         qd.loop_config(serialize=True)
         for _ in range(1):
-            p.grid(parts, low, high, scratch.sums, table, cell, most)
+            p.grid(parts, low, high, p.sum_counts(parts, scratch.counts), table, cell, most)
         qd.loop_config(block_dim=1)
         for t in range(parts * spread):
             if t % spread == 0:
@@ -168,7 +179,7 @@ def build_with_threads(d: int, entries: Entries) -> tuple[Any, Any, Any]:
             if t % spread == 0:
                 b = t // spread
                 p.place_particles(
-                    b, parts, level, diagonal, position, state, low, scratch.sums, scratch, table, cell, count
+                    b, parts, level, diagonal, position, state, low, scratch.counts, scratch, table, cell, count
                 )
         qd.loop_config(serialize=True)
         for _ in range(1):

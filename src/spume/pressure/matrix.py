@@ -17,7 +17,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from spume import kernels
+import numpy as np
+import scipy.sparse
+
+from spume import kernels, lanes
 from spume.lattice import Lattice
 from spume.pairs import ROW_BITS, Pairs, Signature, load, minimum_image, shared
 from spume.particles import ANY, Field, Particles
@@ -118,6 +121,7 @@ class LinearSystem:
 
     The rows are cut into the chunks of the list of neighbours: a row has no more entries than neighbours.
     One thread fills a stretch of rows, whose entries lie packed: with one thread all entries lie behind each other.
+    On wide devices a row's entries lie in the slots of its neighbours, interleaved with those of other rows.
 
     Args:
         solution, state, diagonal, rhs, length, grounded: names of the fields that hold the system's values.
@@ -168,6 +172,21 @@ class LinearSystem:
         """Return the matrix as an argument of kernels."""
         return matrix_type(self.entries)(**self.members(particles))
 
+    def sparse(self, particles: Particles) -> scipy.sparse.csr_matrix:
+        """Return the matrix in double precision, shape (rows, rows), with the diagonal of every row of the table."""
+        n, length = particles.count, particles.numpy(self.length)
+        start, first = self.start.to_numpy()[:n], 0
+        columns, values = [], []
+        for column, value in zip(self.columns, self.values, strict=True):
+            here = slice(first, first + self._rows_of_chunk)
+            slots = lanes.slots(start[here], length[here])
+            columns.append(column.to_numpy()[slots])
+            values.append(value.to_numpy()[slots])
+            first += self._rows_of_chunk
+        where = (np.repeat(np.arange(n), length), np.concatenate(columns))
+        matrix = scipy.sparse.csr_matrix((np.concatenate(values), where), (n, n), dtype=float)
+        return (matrix + scipy.sparse.diags(particles.numpy(self.diagonal))).tocsr()
+
     def assemble(
         self, laplacian: Laplacian, lattice: Lattice, particles: Particles, pairs: Pairs, *, over: int = ANY,
         equation: Equation = PRESSURE, arguments: tuple[float, ...] = (),
@@ -210,18 +229,22 @@ class LinearSystem:
             self._sums = kernels.array(kernels.i64, blocks + 1)
         chunks = pairs.list.chunks
         self._rows_of_chunk = chunks[0].end - chunks[0].begin
+        wide = kernels.runtime().wide
         del self.columns[len(chunks) :], self.values[len(chunks) :]
         for number, chunk in enumerate(chunks):
             rows = chunk.end - chunk.begin
-            _placing_kernel(kernels.light(rows))(
-                particles[self.state], pairs.list.length, self.start, self._sums, chunk.begin, chunk.end
-            )
-            needed = int(kernels.host(self._sums)[-(-rows // _ROWS_PER_BLOCK)])
+            if wide:
+                needed = chunk.neighbour.shape[0]
+            else:
+                _placing_kernel(kernels.light(rows))(
+                    particles[self.state], pairs.list.length, self.start, self._sums, chunk.begin, chunk.end
+                )
+                needed = int(kernels.host(self._sums)[-(-rows // _ROWS_PER_BLOCK)])
             if number < len(self.columns) and needed <= self.columns[number].shape[0]:
                 continue
             # Let go of the old ones first: at ten million rows there is no room for both.
             del self.columns[number : number + 1], self.values[number : number + 1]
-            slots = min(int(_MORE_SLOTS * needed) + 64, kernels.LONGEST_ARRAY)
+            slots = needed if wide else min(int(_MORE_SLOTS * needed) + 64, kernels.LONGEST_ARRAY)
             self.columns.insert(number, kernels.array(kernels.i32, slots))
             self.values.insert(number, kernels.array(self.real, slots))
 
@@ -314,24 +337,90 @@ def _assembly_kernel(
     of_equation = "".join(f", {n}" for n in arguments)
     missing = terms.diagonal is not None and equation.outside is not None
     leaning = terms.rhs is not None
+    near_row = f"b = {loading_near.replace('Row(', 'Near(').format(row='j')}"
+    image = minimum_image(periodic)
+    coefficients = [
+        "r = position[j] - x",
+        *image,
+        "rr = r.dot(r)",
+        near_row,
+        "c = scale * coefficient(a, b, r, weight(qd.sqrt(rr), re)) * pair(a, b)",
+        f"c = qd.select((rr < re * re) & (state[j] != {ABSENT}), c, 0)",
+        *(["c = qd.cast(qd.cast(c, entry), real)"] if value != real else []),
+        *(["lean += c * r"] if leaning else []),
+        f"total += qd.select(state[j] == {FLUX}, 0, c)",
+    ]
+    known_values = [
+        f"    if state[j] == {KNOWN}:",
+        "        summed += c * known(b)",
+        "        tied = 1",
+        "    else:",
+        "        summed += c * flux(a, b, r)",
+        *(["        total += c * flux_share(a, b, r)"] if equation.flux_share else []),
+    ]
+    stride = lanes.stride()
+    if kernels.runtime().wide:
+        beginning = [
+            "    qd.loop_config(serialize=serial)",
+            "    for t in range(begin, end):",
+            "        cursor = qd.cast(start[t], qd.i32)",
+            "        for i in range(t, t + 1):",
+        ]
+        walk = [
+            "for k in range(length[i]):",
+            f"    j = neighbour[cursor + k * {stride}] & {ROW_BITS}",
+            *[f"    {line}" for line in coefficients],
+            f"    if (c != 0) & (state[j] == {UNKNOWN}):",
+            f"        column[cursor + used * {stride}] = j",
+            f"        value[cursor + used * {stride}] = -qd.cast(c, entry)",
+            "        used += 1",
+            "    elif c != 0:",
+            *[f"    {line}" for line in known_values],
+        ]
+    else:
+        beginning = [
+            "    qd.loop_config(serialize=serial, block_dim=1)",
+            f"    for t in range(parts * {spread}):",
+            f"        part = t // {spread}",
+            "        rows = qd.cast(end - begin, qd.i64)",
+            "        first_row = begin + qd.cast(rows * part // parts, qd.i32)",
+            f"        beyond = qd.select(t % {spread} == 0, begin + qd.cast(rows * (part + 1) // parts, qd.i32), 0)",
+            "        cursor = out_start[first_row]",
+            "        buffer = Buffer(0.0)",
+            "        for i in range(first_row, beyond):",
+        ]
+        # The coefficients first, without branches and stores between them: that loop becomes vector instructions.
+        walk = [
+            f"for block in range((length[i] + {_BUFFERED - 1}) // {_BUFFERED}):",
+            f"    slot = qd.cast(start[i], qd.i32) + block * {_BUFFERED}",
+            f"    here = qd.min(length[i] - block * {_BUFFERED}, {_BUFFERED})",
+            "    for k in range(here):",
+            f"        j = neighbour[slot + k] & {ROW_BITS}",
+            *[f"        {line}" for line in coefficients],
+            "        buffer[k] = qd.cast(c, entry)",
+            "    for k in range(here):",
+            f"        j = neighbour[slot + k] & {ROW_BITS}",
+            "        if buffer[k] != 0:",
+            f"            if state[j] == {UNKNOWN}:",
+            "                column[cursor + used] = j",
+            "                value[cursor + used] = -buffer[k]",
+            "                used += 1",
+            "            else:",
+            f"                {near_row}",
+            "                r = position[j] - x",
+            *[f"                {line}" for line in image],
+            "                c = qd.cast(buffer[k], real)",
+            *[f"            {line}" for line in known_values],
+        ]
     lines = [
         f"def assemble({', '.join(parameters)}):",
-        "    qd.loop_config(serialize=serial, block_dim=1)" if kernels.runtime().device == "cpu" else "",
-        f"    for t in range(parts * {spread}):",
-        f"        part = t // {spread}",
-        "        rows = qd.cast(end - begin, qd.i64)",
-        "        first_row = begin + qd.cast(rows * part // parts, qd.i32)",
-        f"        beyond = qd.select(t % {spread} == 0, begin + qd.cast(rows * (part + 1) // parts, qd.i32), 0)",
-        "        cursor = out_start[first_row]",
-        "        buffer = Buffer(0.0)",
-        "        for i in range(first_row, beyond):",
+        *beginning,
         "            used = 0",
         "            tied = 0",
         "            total = qd.cast(1, real)",
         "            summed = qd.cast(0, real)",
         f"            if state[i] == {UNKNOWN}:",
         f"                a = {loading_own.replace('Row(', 'Own(').format(row='i')}",
-        "                first = start[i]",
         "                x = position[i]",
         f"                total = diagonal(a{of_equation})",
         f"                summed = right(a{of_equation})",
@@ -347,40 +436,7 @@ def _assembly_kernel(
         *(["                lean = Vector(0.0)"] if leaning else []),
         "                if total > 0:",
         "                    tied = 1",
-        # The coefficients first, without branches and stores between them: that loop becomes vector instructions.
-        f"                for block in range((length[i] + {_BUFFERED - 1}) // {_BUFFERED}):",
-        f"                    slot = first + block * {_BUFFERED}",
-        f"                    here = qd.min(length[i] - block * {_BUFFERED}, {_BUFFERED})",
-        "                    for k in range(here):",
-        f"                        j = neighbour[slot + k] & {ROW_BITS}",
-        "                        r = position[j] - x",
-        *[f"                        {line}" for line in minimum_image(periodic)],
-        "                        rr = r.dot(r)",
-        f"                        b = {loading_near.replace('Row(', 'Near(').format(row='j')}",
-        "                        c = scale * coefficient(a, b, r, weight(qd.sqrt(rr), re)) * pair(a, b)",
-        f"                        c = qd.select((rr < re * re) & (state[j] != {ABSENT}), c, 0)",
-        *(["                        c = qd.cast(qd.cast(c, entry), real)"] if value != real else []),
-        *(["                        lean += c * r"] if leaning else []),
-        f"                        total += qd.select(state[j] == {FLUX}, 0, c)",
-        "                        buffer[k] = qd.cast(c, entry)",
-        "                    for k in range(here):",
-        f"                        j = neighbour[slot + k] & {ROW_BITS}",
-        "                        if buffer[k] != 0:",
-        f"                            if state[j] == {UNKNOWN}:",
-        "                                column[cursor + used] = j",
-        "                                value[cursor + used] = -buffer[k]",
-        "                                used += 1",
-        "                            else:",
-        f"                                b = {loading_near.replace('Row(', 'Near(').format(row='j')}",
-        "                                r = position[j] - x",
-        *[f"                                {line}" for line in minimum_image(periodic)],
-        "                                c = qd.cast(buffer[k], real)",
-        f"                                if state[j] == {KNOWN}:",
-        "                                    summed += c * known(b)",
-        "                                    tied = 1",
-        "                                else:",
-        "                                    summed += c * flux(a, b, r)",
-        *(["                                    total += c * flux_share(a, b, r)"] if equation.flux_share else []),
+        *[f"                {line}" for line in walk],
         *(["                summed += leaning(a, lean)"] if leaning else []),
         # A row that is tied to nothing has the value zero: its equation would be 0 x = right.
         "                if total == 0.0:",

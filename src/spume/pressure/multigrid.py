@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field as Parameter
 
-from spume import kernels
+from spume import kernels, lanes
 from spume.particles import Particles
-from spume.pressure import aggregation, coarsest, cycle, levels
+from spume.pressure import aggregation, coarsest, cycle, levels, wide_cycle, wide_levels
 from spume.pressure.base import NotConverged, Solution, Solver
 from spume.pressure.bicgstab import StabilisedBiconjugateGradient
 from spume.pressure.conjugate_gradient import ConjugateGradient, negligible, solution
@@ -18,6 +18,15 @@ from spume.pressure.matrix import UNKNOWN, LinearSystem
 ROOM = (1 / 3, 5.0)
 """Rows of all coarse levels, and their entries, per particle that there is room for at first (it grows)."""
 
+
+_INNER_ON_DEVICE = 2
+"""Levels with inner iterations on wide devices, where each more doubles the launches of all below it.
+
+They are too few where densities differ."""
+
+_ROOM_ON_DEVICE = (1 / 5, 0.0)
+_ROOM_OF_ROW = 40
+"""Entries of a coarse row that there is room for at first on wide devices, where rows are not packed (it grows)."""
 
 _SINGLES_OF_FINEST = ("diagonal", "inverse", "right", "old", "new")
 
@@ -75,7 +84,8 @@ class _Workspace:
         self._length = 0
         self._steps: list[tuple[int, int]] = []
         self._scalars = kernels.array(self._real, cycle.SCALARS + 4 * (aggregation.LEVELS + 1))
-        self._partial = kernels.array(self._real, 3 * self._parts)
+        self._partial = kernels.array(self._real, 3)
+        self._room_of_row = _ROOM_OF_ROW
         self._low, self._high = (kernels.array(kernels.vector(d), self._parts) for _ in range(2))
         self._running = kernels.scalar_array(kernels.i32)
         self._coarse: Any = None
@@ -83,24 +93,30 @@ class _Workspace:
         self._host_table: NDArray[np.int32] = np.zeros(aggregation.TABLE, np.int32)
 
     def solve(self, solver: Multigrid, system: LinearSystem, particles: Particles) -> Solution:
-        room = (int(share * particles.capacity) + 1 for share in ROOM)
-        self._reserve(particles.capacity, *room)
+        wide = kernels.runtime().wide
+        rows, slots = (int(share * particles.capacity) + 1 for share in (_ROOM_ON_DEVICE if wide else ROOM))
+        self._reserve(particles.capacity, rows, slots)
         level = self._finest_level(system, particles)
         diagonal = particles[system.diagonal]
         vectors = [diagonal, *(particles[n] for n in (system.solution, system.rhs, *ConjugateGradient.vectors))]
         self._negligible = negligible(system, solver)
         self._state, self._diagonal, self._entries = particles[system.state], diagonal, system.entries
         alone = aggregation.alone(particles.active)
-        build = self._build_in_one_thread if alone else self._build_with_threads
+        build = self._build_in_one_thread if alone else self._build_wide if wide else self._build_with_threads
         while True:
             depth, lacking = build(level, particles)
             if lacking == 0:
                 break
+            if wide and lacking & aggregation.TOO_FEW_SLOTS:
+                self._room_of_row *= 2
             self._reserve(
                 particles.capacity,
                 self._rows * (2 if lacking & aggregation.TOO_FEW_ROWS else 1),
                 self._slots * (2 if lacking & aggregation.TOO_FEW_SLOTS else 1),
             )
+        if wide:
+            self._iterate_wide(level, vectors, solver, system, particles, depth)
+            return solution(kernels.host(self._scalars), solver)
         self._plan(depth, solver.inner_levels)
         if alone:
             cycle.solve_in_one_thread(system.symmetric, system.entries)(
@@ -148,6 +164,43 @@ class _Workspace:
             table, k = self._table.to_numpy(), k + 1
         self._host_table = table
         return int(table[aggregation.DEPTH]), int(table[aggregation.OVERFLOW])
+
+    def _build_wide(self, level: Any, particles: Particles) -> tuple[int, int]:
+        """Build the levels with a thread for each row."""
+        build_first, build_next, eliminate = wide_levels.build_on_device(self._d, self._entries)
+        arguments = self._arguments(level, particles)
+        build_first(*arguments[:-2], self._room_of_row, arguments[-1])
+        table, k = self._table.to_numpy(), 1
+        while table[aggregation.DEPTH] == k + 1 and not table[aggregation.OVERFLOW] and k < aggregation.LEVELS:
+            if table[2 * k + 1] <= coarsest.MOST_ROWS_OF_ONE_LANE:
+                eliminate(self._coarse, self._table, k)
+                table = self._table.to_numpy()
+                break
+            build_next(self._coarse, self._diagonal, self._scratch, self._table, k, self._rows, self._room_of_row)
+            table, k = self._table.to_numpy(), k + 1
+        self._host_table = table
+        return int(table[aggregation.DEPTH]), int(table[aggregation.OVERFLOW])
+
+    def _iterate_wide(
+        self, level: Any, vectors: list[Any], solver: Multigrid, system: LinearSystem, particles: Particles, depth: int
+    ) -> None:
+        diagonal, x, rhs, r, p, q = vectors
+        table, n = self._host_table, int(self._host_table[1])
+        most = min(solver.inner_levels, _INNER_ON_DEVICE) if particles.uniform("density") else solver.inner_levels
+        inner = cycle.inner_levels(table[3 : 2 * depth : 2].tolist(), most)
+        wide_cycle.start_on_device(system.symmetric, system.entries)(
+            level, diagonal, x, rhs, r, p, q, self._partial, self._scalars, self._running, solver.tolerance,
+            *self._negligible, n,
+        )  # fmt: skip
+        if int(kernels.host(self._running)) == 0:
+            return
+        operations = tuple(cycle.program(depth, inner))
+        direct = bool(table[aggregation.BAND] >= 0)
+        wide_cycle.iterate_on_device(system.symmetric, system.entries, operations, depth, direct)(
+            level, self._coarse, self._table, diagonal, x, r, p, q, self._image, self._partial, self._scalars,
+            self._running, solver.tolerance, solver.largest_iterations, n,
+            *(int(number) for number in table[2 : 2 * depth]),
+        )  # fmt: skip
 
     def _iterate(self, level: Any, vectors: list[Any], solver: Multigrid, system: LinearSystem) -> None:
         """Iterate with all threads on the large levels; runs of operations on small ones are one launch each."""
@@ -216,12 +269,16 @@ class _Workspace:
         self._program = (depth, inner)
 
     def _reserve(self, capacity: int, rows: int, slots: int) -> None:
+        if kernels.runtime().wide:
+            # Each level begins with a new group of rows.
+            slots = (max(rows, self._rows) + lanes.GROUP * (aggregation.LEVELS + 1)) * self._room_of_row
         if capacity == self._capacity and rows <= self._rows and slots <= self._slots:
             return
         if capacity != self._capacity:
             self._finest = {n: kernels.array(kernels.f32, capacity) for n in _SINGLES_OF_FINEST}
             self._finest |= {n: kernels.array(kernels.i32, capacity) for n in ("row", "aggregate", "member")}
             self._image = kernels.array(self._real, capacity)
+            self._partial = kernels.array(self._real, 3 * lanes.room_for_sums(capacity, self._parts))
         self._capacity, self._rows, self._slots = capacity, max(rows, self._rows), max(slots, self._slots)
         self._cells = capacity + (1 << 16)
         self._coarse = self._scratch = None  # there may be no room for the old ones beside the new
@@ -237,8 +294,9 @@ class _Workspace:
         self._scratch = aggregation.scratch_type()(
             **{n: kernels.array(kernels.i32, self._cells + 2) for n in ("begin", "cursor", "base")},
             **{n: kernels.array(kernels.i32, capacity) for n in ("order", "label")},
-            marker=kernels.array(kernels.i32, aggregation.stretches(self._rows) * self._rows),
-            sums=kernels.array(kernels.i32, 1024),
+            marker=kernels.array(kernels.i32, max(aggregation.stretches(self._rows) * self._rows, 1)),
+            sums=kernels.array(kernels.i32, lanes.room_for_scan()),
+            counts=kernels.array(kernels.i32, self._parts),
         )
 
     def _finest_level(self, system: LinearSystem, particles: Particles) -> Any:

@@ -18,7 +18,7 @@ from typing import Any
 
 from spume import kernels
 from spume.lattice import Lattice
-from spume.pairs import Pairs, minimum_image, row_map, row_term
+from spume.pairs import Pairs, minimum_image, row_map, row_term, slot
 from spume.particles import ANY, FLUID, WALL, Field, Particles
 from spume.schemes.operator import Operator
 
@@ -103,7 +103,7 @@ def _blocks() -> int:
     runtime = kernels.runtime()
     if runtime.serial:
         return 1
-    return 64 * runtime.threads if runtime.device == "cpu" else 4096
+    return 64 * runtime.threads if not runtime.wide else 1 << 15
 
 
 @kernels.cached
@@ -118,6 +118,7 @@ def _kernel(
     runtime = kernels.runtime()
     real, parts, size = runtime.real, _blocks(), d * (d + 3) // 2
     spread = kernels.spread(parts)
+    looping = "serialize=False" if runtime.wide else "block_dim=1" if parts > 1 else "serialize=True"
     triangle = size * (size + 1) // 2
     room = triangle + 2 * size
     outs = [("laplacian_vector", (size,))] * laplacian + [("gradient_vectors", (d, size))] * gradient
@@ -136,7 +137,7 @@ def _kernel(
     parameters += [f"period{k}: real" for k in range(d)]
     lines = [
         f"def second_order({', '.join(parameters)}):",
-        "    qd.loop_config(block_dim=1)" if parts > 1 else "    qd.loop_config(serialize=True)",
+        f"    qd.loop_config({looping})",
         f"    for t in range({parts} * {spread}):",
         f"        b = t // {spread}",
         f"        at = b * {room}",
@@ -149,7 +150,7 @@ def _kernel(
         "                x = position[i]",
         "                from_slot = start[i]",
         "                for k in range(length[i]):",
-        "                    j = neighbour[from_slot + k]",
+        f"                    j = neighbour[{slot('from_slot', 'k')}]",
         f"                    if {f'kind[j] & {over} != 0' if over != ANY else 'True'}:",
         "                        r = position[j] - x",
         *[f"                        {line}" for line in minimum_image(periodic)],
