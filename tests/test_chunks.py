@@ -150,6 +150,9 @@ def test_sums_matrices_and_solutions_are_the_same_bits(runtime, limited, laplaci
     several, more = everything(FEW[2], limited, laplacian, solvers)
     assert (number, more >= 3) == (1, True)
     assert one.keys() == several.keys()
+    if kernels.runtime().device != "cpu":
+        # Once all parts are known to be tied, the labels stay as far as they have come, which depends on the threads.
+        del one["component"], several["component"]
     for name in one:
         assert one[name].tobytes() == several[name].tobytes(), name
         assert np.any(one[name]), name

@@ -26,13 +26,17 @@ def smallest_eigenvalue(m):  # type: ignore[no-untyped-def]
     if kernels.static(m.n == 2):
         result = mean - kernels.sqrt(kernels.qd.max(mean * mean - m.determinant(), 0.0))
     else:
-        # The trigonometric solution of the characteristic polynomial (Smith 1961).
+        # The trigonometric solution of the characteristic polynomial (Smith 1961), c = cos(arccos(u)/3) being found as
+        # the largest root of 4 c^3 - 3 c = u by Newton's method: Vulkan has no arc cosine in double precision.
         shifted = m - mean * identity_like(m)
         size = kernels.sqrt(shifted.norm_sqr() / 6.0)
         if size > 1e-12:
-            half = 0.5 * (shifted / size).determinant()
-            angle = kernels.qd.acos(kernels.qd.min(kernels.qd.max(half, -1.0), 1.0)) / 3.0
-            result = mean + 2.0 * size * kernels.qd.cos(angle + 2.0943951023931953)
+            u = kernels.qd.min(kernels.qd.max(-0.5 * (shifted / size).determinant(), -1.0), 1.0)
+            s = kernels.sqrt(0.5 + 0.5 * u)
+            c = 0.5 + s * (0.5773502691896258 - 0.0773502691896258 * s)
+            for _ in kernels.static(range(3)):
+                c -= (c * (4.0 * c * c - 3.0) - u) / kernels.qd.max(12.0 * c * c - 3.0, 1e-12)
+            result = mean - 2.0 * size * c
     return result
 
 
