@@ -119,6 +119,8 @@ def bench(
     compilation = time.perf_counter() - begin
     entries = domain.pairs.list.entries(particles)
     stages.meter = lambda: float(particles.traffic + 4 * entries * particles.visits)
+    if kernels.runtime().wide:
+        stages.settle = kernels.wait
     stages.times.clear()
     stages.amounts.clear()
     start, fluid = simulation.time, int(simulation.snapshot().fluid.sum())

@@ -69,14 +69,14 @@ def table_of(result: Result) -> Table:
 
     title = f"{result.case}, l0 = {result.spacing:g} m: {result.fluid:,} fluid particles, {result.rows:,} rows"
     table = Table("stage", title=title, title_justify="left")
-    for head in ("us per fluid particle", "share", "bytes per row", "GB/s"):
+    for head in ("ns per fluid particle", "share", "bytes per row", "GB/s"):
         table.add_column(head, justify="right")
     total = result.seconds / max(result.steps, 1)
     for stage in result.stages:
         moved = "" if stage.bytes is None else f"{stage.bytes / max(result.active, 1):,.0f}"
         rate = "" if stage.bytes is None or stage.seconds <= 0 else f"{stage.bytes / stage.seconds / 1e9:.1f}"
         share = f"{100 * stage.seconds / total:.0f} %" if total else ""
-        table.add_row(stage.name, f"{stage.seconds / max(result.fluid, 1) * 1e6:.3f}", share, moved, rate)
+        table.add_row(stage.name, f"{stage.seconds / max(result.fluid, 1) * 1e9:,.1f}", share, moved, rate)
     return table
 
 
@@ -86,8 +86,8 @@ def summary_of(result: Result) -> str:
     rows = max(result.rows, 1)
     lines = [
         f"{result.steps} steps on {result.device}, {result.threads} threads, {result.precision} precision: "
-        f"{result.microseconds:.2f} us per fluid particle and step (median), "
-        f"{result.median_step / rows * 1e6:.2f} per row",
+        f"{result.microseconds:.3g} us per fluid particle and step (median), "
+        f"{result.median_step / rows * 1e6:.3g} per row",
         f"{result.active:,} rows near fluid take part; mean dt {result.mean_dt:.3g} s, "
         f"{result.iterations:.1f} pressure iterations, |n - n0|/n0 = {100 * result.density_error:.2f} %",
         f"{speed:.4g} simulated seconds per second of wall time",

@@ -334,7 +334,7 @@ def stages(entries: Entries, finest: bool) -> Any:
                     else:
                         m = scratch.marker[marker + j]
                         if m >= first:
-                            coarse.value[m] += qd.cast(v, f32)
+                            coarse.value[m] = coarse.value[m] + qd.cast(v, f32)
                         elif cursor < limit:
                             scratch.marker[marker + j] = cursor
                             coarse.column[cursor] = j
@@ -366,6 +366,7 @@ def stages(entries: Entries, finest: bool) -> Any:
         row = to + b
         first = slots + b // stride * stride * room + b % stride
         used = 0
+        lacking = 0
         excess = qd.cast(0, real)
         size = qd.cast(0, real)
         for s in range(coarse.first[row], coarse.last[row]):
@@ -387,19 +388,24 @@ def stages(entries: Entries, finest: bool) -> Any:
                     # A row that is left to the sweeps counts as known.
                     excess -= v
                 elif j != b:
-                    m = used
-                    for c in range(used):
-                        if coarse.column[first + c * stride] == j:
-                            m = c
-                            break
+                    m = 0
+                    beyond = used
+                    while m < beyond:
+                        if coarse.column[first + m * stride] == j:
+                            beyond = m
+                        else:
+                            m += 1
                     if m < used:
-                        coarse.value[first + m * stride] += qd.cast(v, f32)
+                        k = first + m * stride
+                        coarse.value[k] = coarse.value[k] + qd.cast(v, f32)
                     elif used < room:
                         coarse.column[first + m * stride] = j
                         coarse.value[first + m * stride] = qd.cast(v, f32)
                         used += 1
                     else:
-                        qd.atomic_or(table[OVERFLOW], TOO_FEW_SLOTS)
+                        lacking = 1
+        if lacking == 1:
+            qd.atomic_or(table[OVERFLOW], TOO_FEW_SLOTS)
         total = excess
         for c in range(used):
             total -= coarse.value[first + c * stride]

@@ -131,7 +131,7 @@ def _kernels(entries: Entries) -> Any:
             for b in range(every(blocks, count)):
                 alpha = scalars[6]
                 for i in range(row(b, every(blocks, count), count), row(b + 1, every(blocks, count), count)):
-                    x[i] += alpha * y[i]
+                    x[i] = x[i] + alpha * y[i]
                     s[i] = r[i] - alpha * v[i]
                     y[i] = s[i] / diagonal[i]
             qd.loop_config(serialize=serial)
@@ -155,7 +155,7 @@ def _kernels(entries: Entries) -> Any:
                 rr = qd.cast(0, real)
                 sr = qd.cast(0, real)
                 for i in range(row(b, every(blocks, count), count), row(b + 1, every(blocks, count), count)):
-                    x[i] += omega * y[i]
+                    x[i] = x[i] + omega * y[i]
                     rest = s[i] - omega * t[i]
                     r[i] = rest
                     rr += rest * rest

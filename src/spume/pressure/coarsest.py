@@ -65,7 +65,7 @@ def direct_stages() -> Any:
                 level.band[row + k] = factor
                 if factor != 0:
                     for j in range(k + 1, qd.min(k + width + 1, n)):
-                        level.band[row + j] -= factor * level.band[above + j]
+                        level.band[row + j] = level.band[row + j] - factor * level.band[above + j]
                     rest -= factor * level.band[MOST_SLOTS + k]
             pivot = rest
             for j in range(i + 1, qd.min(i + width + 1, n)):

@@ -146,7 +146,7 @@ def _kernels(entries: Entries) -> Any:
         rr = qd.cast(0, real)
         rz = qd.cast(0, real)
         for i in range(row(b, every(blocks, count), count), row(b + 1, every(blocks, count), count)):
-            x[i] += alpha * p[i]
+            x[i] = x[i] + alpha * p[i]
             rest = r[i] - alpha * q[i]
             r[i] = rest
             rr += rest * rest

@@ -114,7 +114,7 @@ def cycle_stages(symmetric: bool, entries: Entries) -> Any:
             i = at + level.row[t]
             c = level.aggregate[i]
             if c >= 0:
-                level.old[i] += coarse.new[to + c]
+                level.old[i] = level.old[i] + coarse.new[to + c]
 
     @kernels.func
     def polish(b: i32, parts: i32, level: Level, at: i32, n: i32):  # type: ignore[no-untyped-def, valid-type]
@@ -289,7 +289,7 @@ def outer_stages(symmetric: bool, entries: Entries) -> Any:
             i = level.row[t]
             p[i] = level.new[i] + turn * p[i]
             q[i] = image[i] + turn * q[i]
-            x[i] += step * p[i]
+            x[i] = x[i] + step * p[i]
             rest = r[i] - step * q[i]
             r[i] = rest
             level.right[i] = qd.cast(rest, f32)

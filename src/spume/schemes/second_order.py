@@ -234,12 +234,12 @@ def _solve(size: int) -> Any:
     def solve(work: Reals, at: kernels.i32, right: kernels.i32, n: kernels.i32):  # type: ignore[no-untyped-def, valid-type]
         for k in range(n):
             for t in range(k):
-                work[right + k] -= work[at + k * (k + 1) // 2 + t] * work[right + t]
+                work[right + k] = work[right + k] - work[at + k * (k + 1) // 2 + t] * work[right + t]
         for k in range(n):
-            work[right + k] /= work[at + k * (k + 1) // 2 + k]
+            work[right + k] = work[right + k] / work[at + k * (k + 1) // 2 + k]
         for back in range(n):
             k = n - 1 - back
             for t in range(k + 1, n):
-                work[right + k] -= work[at + t * (t + 1) // 2 + k] * work[right + t]
+                work[right + k] = work[right + k] - work[at + t * (t + 1) // 2 + k] * work[right + t]
 
     return solve
