@@ -298,6 +298,12 @@ def test_prediction_grows_with_the_case():
     assert many.bytes > few.bytes
 
 
+def test_prediction_on_a_card_is_what_was_measured():
+    a_case = load("dam-break", ["spacing=0.0025", "device='cuda'"])
+    predicted = predict(a_case, initial_rows(a_case), 2)
+    assert (predicted.seconds - 30.0) / predicted.steps == pytest.approx(0.012 + 1.3e-8 * predicted.fluid)
+
+
 def test_prediction_with_threads_follows_what_they_share():
     a_case = load("dam-break")
     rows = initial_rows(a_case)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from spume import kernels
 from spume.clock import Clock
 from spume.domain import Domain
-from spume.pairs import pair_max, pair_term
+from spume.pairs import pair_max, pair_term, row_map, row_term
 from spume.particles import ANY, FLUID, SOLID, Field
 from spume.schemes.weight.inverse import Inverse
 
@@ -56,6 +56,8 @@ LOST = 1e-2
 
 CLEARANCE = Field("wall_clearance", (), "m", "fluid rows: height in front of the walls nearby, negative behind them")
 
+BEHIND_WALL = Field("behind_wall", (), "1", "1 where a fluid row has gone through a wall", scratch="watch")
+
 _NEAR = 1.5  # l0: reach of the search for walls; the lists hold at least 2 l0
 
 
@@ -98,6 +100,12 @@ def height(a, b, r, w, l0):  # type: ignore[no-untyped-def]
     return kernels.qd.select(beside < (r.n - 1) * (0.54 * l0) ** 2, -along - size, -1e30)
 
 
+@row_term(reads=("wall_clearance",))
+def is_behind(a, surface, deepest):  # type: ignore[no-untyped-def]
+    """Return 1 where a row is behind a wall's surface, and not farther than walls are thick."""
+    return kernels.qd.select((a.wall_clearance < surface) & (a.wall_clearance > deepest), 1.0, 0.0)
+
+
 class Watch:
     """Judges each step: is the state still a flow, and do limiters act more than they should?
 
@@ -108,7 +116,7 @@ class Watch:
     def __init__(self, domain: Domain, clock: Clock) -> None:
         self._domain, self._clock = domain, clock
         particles = domain.particles
-        particles.declare((CLEARANCE,))
+        particles.declare((CLEARANCE, BEHIND_WALL))
         x, kind = particles.numpy("position"), particles.numpy("kind")
         self._fluid = max(int(np.count_nonzero(kind == FLUID)), 1)
         self._low: NDArray[Any] = x.min(axis=0, initial=inf)
@@ -208,12 +216,13 @@ class Watch:
             height, particles, domain.pairs, out="wall_clearance", weight=Inverse(), re=_NEAR * l0, over=SOLID,
             arguments=(l0,),
         )  # fmt: skip
+        row_map(is_behind, particles, out="behind_wall", arguments=(-BEHIND * l0, -DEEPEST * l0))
+        if particles.total("behind_wall", FLUID) == 0.0:
+            return None
         clearance = kernels.host(particles["wall_clearance"])[: particles.count]
         kind = kernels.host(particles["kind"])[: particles.count]
         behind = (kind == FLUID) & (clearance < -BEHIND * l0) & (clearance > -DEEPEST * l0)
         number = int(np.count_nonzero(behind))
-        if not number:
-            return None
         row = int(np.argmin(np.where(behind, clearance, inf)))
         if number < LEAKED[0] or number < LEAKED[1] * self._fluid:
             self._warn_once(

@@ -277,6 +277,11 @@ def value_type(shape: tuple[int, ...], integer: bool = False) -> Any:
     return qd.types.matrix(shape[0], shape[1], scalar)
 
 
+def accumulator() -> Any:
+    """Return the type for sums of many rows: double precision wherever there is such a thing."""
+    return qd.f32 if runtime().device == "metal" else qd.f64
+
+
 def array_type(value: Any) -> Any:
     """Return the annotation of a kernel argument that is a one-dimensional array of such values."""
     return qd.types.ndarray(dtype=value, ndim=1)

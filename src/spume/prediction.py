@@ -27,6 +27,8 @@ _BYTES_ON_HOST = 400
 _BASE_BYTES = 350 << 20  # of the program itself
 _MICROSECONDS = {2: 5.2, 3: 7.5}  # of one thread per fluid particle and step
 _PARALLEL = 0.82  # part of a step that threads share: two are 1.7 times as fast as one in 3D
+_ON_CARD = (1.3e-8, 12e-3)  # s per fluid particle, and per step, of an H100 in double precision and 3D (2026-11-26)
+_START_ON_CARD = 30.0  # s
 _START = 10.0  # s, until kernels are compiled
 _PER_STEP = 1e-3  # s, whatever the number of particles
 
@@ -41,8 +43,12 @@ def memory() -> int:
 
 def host_bytes_per_row(case: Case) -> int:
     """Return the memory [bytes] of the machine that a case takes per row, whatever its device has of its own."""
-    device = case.device or os.environ.get("SPUME_DEVICE") or "cpu"
-    return BYTES_PER_ROW[case.dimension] if device == "cpu" else _BYTES_ON_HOST
+    return BYTES_PER_ROW[case.dimension] if device_of(case) == "cpu" else _BYTES_ON_HOST
+
+
+def device_of(case: Case) -> str:
+    """Return the device that a case is computed on: its own, that of SPUME_DEVICE, else ``cpu``."""
+    return case.device or os.environ.get("SPUME_DEVICE") or "cpu"
 
 
 @dataclass(frozen=True)
@@ -64,7 +70,7 @@ class Prediction:
 
 
 def predict(case: Case, rows: Mapping[str, NDArray[Any]], threads: int) -> Prediction:
-    """Return an estimate of steps, memory and time on `threads` processor threads.
+    """Return an estimate of steps, memory and time on `threads` processor threads, or on a card of 2026.
 
     The speed is taken as that of a fall over the fluid's height, at least that of the initial field;
     the cost as microseconds per fluid particle and step, of which threads share a part (Amdahl's law). The rows are
@@ -89,6 +95,8 @@ def predict(case: Case, rows: Mapping[str, NDArray[Any]], threads: int) -> Predi
     count = int(fluid.sum())
     cost = _MICROSECONDS[case.dimension] * (1.0 - _PARALLEL + _PARALLEL / threads)
     seconds = _START + steps * (count * cost * 1e-6 + _PER_STEP)
+    if device_of(case) != "cpu":
+        seconds = _START_ON_CARD + steps * (count * _ON_CARD[0] + _ON_CARD[1])
     total = len(fluid)
     size = total * BYTES_PER_ROW[case.dimension] + _BASE_BYTES
     return Prediction(count, total, steps, size, seconds)

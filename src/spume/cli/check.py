@@ -32,7 +32,7 @@ def check(
 
     from spume import build, kernels
     from spume.outputs.pictures import draw_frames, frame_of
-    from spume.prediction import predict
+    from spume.prediction import device_of, predict
     from spume.progress import duration
 
     rows = build.initial_rows(loaded)
@@ -54,7 +54,10 @@ def check(
     table.add_row("gauges", ", ".join(gauge.name for gauge in loaded.gauge) or "none")
     table.add_row("memory", f"about {predicted.bytes / 2**20:,.0f} MiB")
     table.add_row("steps", f"about {predicted.steps:,} to {loaded.time.end:g} s")
-    table.add_row("time", f"about {duration(predicted.seconds)} with {cores} thread{'s' * (cores > 1)}")
+    workers = f"with {cores} thread{'s' * (cores > 1)}"
+    if (device := device_of(loaded)) != "cpu":
+        workers = f"on {device}, if the card is as fast as an H100"
+    table.add_row("time", f"about {duration(predicted.seconds)} {workers}")
     picture = Path(f"{loaded.origin.label}-initial.png") if out is None else out
     picture.parent.mkdir(parents=True, exist_ok=True)
     settings = loaded.output

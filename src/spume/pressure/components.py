@@ -6,10 +6,8 @@ zero: both are projected, component by component.
 
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from spume import kernels, lanes
+from spume.lanes import REDUCED, reduction_blocks
 from spume.particles import Field, Particles
 from spume.pressure.entries import Entries, entry_functions, matrix_type
 from spume.pressure.matrix import UNKNOWN, LinearSystem
@@ -23,9 +21,11 @@ class Components:
     def __init__(self) -> None:
         self._changed = kernels.array(kernels.i32, 1)
         self._floating = kernels.array(kernels.i32, 1)
+        self._roots = kernels.array(kernels.i32, 1 + _FEW)
+        self._sums: Any = None
 
-    def project(self, system: LinearSystem, particles: Particles) -> list[NDArray[np.intp]]:
-        """Make the right side of each floating component sum to zero; return the components' rows, shape (rows,)."""
+    def project(self, system: LinearSystem, particles: Particles) -> list[int]:
+        """Make the right side of each floating component sum to zero; return the components' smallest row numbers."""
         light = kernels.light(particles.active)
         kernel, matrix = _label_kernel(system.entries, light), system.matrix(particles)
         state, label = particles[system.state], particles["component"]
@@ -40,26 +40,43 @@ class Components:
                 return []
             if kernels.host(self._changed)[0] == 0:
                 break
-        labels, tied = particles.numpy("component"), particles.numpy(system.grounded)
-        unknown = particles.numpy(system.state) == UNKNOWN
-        rhs = particles.numpy(system.rhs)
-        found = []
-        for root in np.unique(labels[unknown & (tied[labels] == 0)]):
-            rows = np.flatnonzero(unknown & (labels == root))
-            rhs[rows] -= rhs[rows].mean()
-            found.append(rows)
-        particles.set(system.rhs, rhs)
-        return found
+        roots = self._floating_roots(system, particles, light)
+        self._subtract_means(roots, system.rhs, system.state, particles)
+        return roots
 
-    @staticmethod
-    def centre(components: list[NDArray[np.intp]], particles: Particles) -> None:
-        """Give the pressure of each floating component, its rows of shape (rows,), the mean zero."""
-        if not components:
+    def centre(self, roots: list[int], particles: Particles, state: str = "row_state") -> None:
+        """Give the pressure of each floating component, named by its smallest row number, the mean zero."""
+        self._subtract_means(roots, "pressure", state, particles)
+
+    def _floating_roots(self, system: LinearSystem, particles: Particles, light: bool) -> list[int]:
+        while True:
+            self._roots.fill(0)
+            _roots_kernel(light)(
+                particles[system.state], particles["component"], particles[system.grounded], self._roots,
+                self._roots.shape[0] - 1, particles.active,
+            )  # fmt: skip
+            found = kernels.host(self._roots)
+            number = int(found[0])
+            if number < len(found):
+                return sorted(int(root) for root in found[1 : 1 + number])
+            self._roots = kernels.array(kernels.i32, 1 + 2 * number)
+
+    def _subtract_means(self, roots: list[int], name: str, state: str, particles: Particles) -> None:
+        if not roots:
             return
-        pressure = particles.numpy("pressure")
-        for rows in components:
-            pressure[rows] -= pressure[rows].mean()
-        particles.set("pressure", pressure)
+        if self._sums is None:
+            self._sums = tuple(kernels.array(kernels.accumulator(), 2 * n) for n in (reduction_blocks(), REDUCED))
+        light = kernels.light(particles.active)
+        rows = (particles[name], particles[state], particles["component"])
+        for root in roots:
+            _sum_kernel(light)(*rows, *self._sums, root, particles.active)
+            total, number = kernels.host(self._sums[1]).reshape(-1, 2).sum(axis=0)
+            _shift_kernel(light)(*rows, float(total / number), root, particles.active)
+        particles.written(name)
+
+
+_FEW = 63
+"""Floating components that there is room for at first."""
 
 
 @kernels.cached
@@ -124,3 +141,77 @@ def _ground_kernel(serial: bool) -> Any:
                 qd.atomic_max(floating[0], 1)
 
     return ground
+
+
+@kernels.cached
+def _roots_kernel(serial: bool) -> Any:
+    Rows = kernels.array_type(kernels.i32)
+    qd = kernels.qd
+
+    @kernels.kernel
+    def roots(state: Rows, label: Rows, grounded: Rows, found: Rows, room: kernels.i32, count: kernels.i32):
+        """List the roots of floating components behind their number, in any order."""
+        qd.loop_config(serialize=serial)
+        for i in range(count):
+            if state[i] == UNKNOWN and label[i] == i and grounded[i] == 0:
+                place = qd.atomic_add(found[0], 1)
+                if place < room:
+                    found[1 + place] = i
+
+    return roots
+
+
+@kernels.cached
+def _sum_kernel(serial: bool) -> Any:
+    real, wide = kernels.runtime().real, kernels.accumulator()
+    Values, Sums, Rows = (kernels.array_type(t) for t in (real, wide, kernels.i32))
+    qd, blocks, reduced = kernels.qd, reduction_blocks(), REDUCED
+    share, spread = blocks // reduced, 1 if serial else kernels.spread(blocks)
+
+    @kernels.kernel
+    def sum_of_component(
+        field: Values, state: Rows, label: Rows, partial: Sums, result: Sums, root: kernels.i32, count: kernels.i32
+    ):
+        """Sum a field over the rows of one component, and count these."""
+        qd.loop_config(serialize=serial)
+        for t in range(blocks * spread):
+            if t % spread == 0:
+                b = t // spread
+                s = qd.cast(0, wide)
+                number = qd.cast(0, wide)
+                for i in range(
+                    qd.cast(qd.cast(count, qd.i64) * b // blocks, qd.i32),
+                    qd.cast(qd.cast(count, qd.i64) * (b + 1) // blocks, qd.i32),
+                ):
+                    if state[i] == UNKNOWN and label[i] == root:
+                        s += qd.cast(field[i], wide)
+                        number += 1
+                partial[2 * b] = s
+                partial[2 * b + 1] = number
+        qd.loop_config(serialize=serial)
+        for c in range(reduced):
+            s = qd.cast(0, wide)
+            number = qd.cast(0, wide)
+            for k in range(share):
+                s += partial[2 * (c + k * reduced)]
+                number += partial[2 * (c + k * reduced) + 1]
+            result[2 * c] = s
+            result[2 * c + 1] = number
+
+    return sum_of_component
+
+
+@kernels.cached
+def _shift_kernel(serial: bool) -> Any:
+    real = kernels.runtime().real
+    Values, Rows = kernels.array_type(real), kernels.array_type(kernels.i32)
+    qd = kernels.qd
+
+    @kernels.kernel
+    def shift(field: Values, state: Rows, label: Rows, mean: real, root: kernels.i32, count: kernels.i32):
+        qd.loop_config(serialize=serial)
+        for i in range(count):
+            if state[i] == UNKNOWN and label[i] == root:
+                field[i] = field[i] - mean
+
+    return shift
