@@ -14,7 +14,6 @@ from spume.pressure.multigrid import Multigrid, coarse_levels
 from spume.schemes.free_surface.base import SURFACE_SHARE
 from spume.schemes.laplacian.original import Original
 from spume.schemes.source.base import SOURCE
-from tanks import advanced, by_id, dam_break
 
 
 @pytest.fixture
@@ -70,7 +69,7 @@ def test_slots_lie_interleaved(wide):
 
 @pytest.mark.parametrize(("solver", "d"), [(Multigrid, 3), (ConjugateGradient, 2), (StabilisedBiconjugateGradient, 2)])
 def test_against_a_direct_solver(wide, solver, d):
-    m = 40 if d == 2 else 13
+    m = 30 if d == 2 else 8
     rng = np.random.default_rng(d)
     state = rng.choice([UNKNOWN] * 30 + [KNOWN, FLUX], m**d)
     fields = (*SYSTEM_FIELDS, SURFACE_SHARE, SOURCE, *solver.needs, *ConjugateGradient.needs)
@@ -89,14 +88,3 @@ def test_against_a_direct_solver(wide, solver, d):
     if solver is Multigrid:
         assert solution.iterations <= 20
         assert coarse_levels(d)[-1][0] <= 12, "the last level is solved by one thread"
-
-
-def test_steps_are_those_of_a_few_long_threads(device, monkeypatch):
-    found = []
-    for asked in ("", "1"):
-        monkeypatch.setenv("SPUME_WIDE", asked)
-        simulation = advanced(dam_break().build(device=device, threads=1), 4)
-        found.append((simulation.dt, *by_id(simulation, "position", "velocity", "pressure")))
-    for one, other in zip(*found, strict=True):
-        # The solvers stop at their tolerance, with different coarse levels.
-        assert np.abs(one - other).max() <= 1e-5 * np.abs(one).max()

@@ -395,7 +395,7 @@ def test_what_must_be_refused_is_refused_where_it_stands(mutation, folder):
 def test_anything_else_is_refused_or_in_order(folder):
     refused = []
 
-    @settings(EXAMPLES, max_examples=400)
+    @settings(EXAMPLES, max_examples=300)
     @given(st.data())
     def mutated(data):
         document = copy.deepcopy(DOCUMENTS[data.draw(st.sampled_from(list(DOCUMENTS)))])
