@@ -8,7 +8,7 @@ from pydantic import Field as Parameter
 
 from spume import kernels, lanes
 from spume.particles import Particles
-from spume.pressure import aggregation, coarsest, cycle, levels, wide_cycle, wide_levels
+from spume.pressure import aggregation, coarsest, cycle, iteration, levels, wide_levels
 from spume.pressure.base import NotConverged, Solution, Solver
 from spume.pressure.bicgstab import StabilisedBiconjugateGradient
 from spume.pressure.conjugate_gradient import ConjugateGradient, negligible, solution
@@ -20,9 +20,7 @@ ROOM = (1 / 3, 5.0)
 
 
 _INNER_ON_DEVICE = 2
-"""Levels with inner iterations on wide devices, where each more doubles the launches of all below it.
-
-They are too few where densities differ."""
+"""Levels with inner iterations on wide devices, where each more doubles the launches of all below it."""
 
 _ROOM_ON_DEVICE = (1 / 5, 0.0)
 _ROOM_OF_ROW = 40
@@ -114,10 +112,9 @@ class _Workspace:
                 self._rows * (2 if lacking & aggregation.TOO_FEW_ROWS else 1),
                 self._slots * (2 if lacking & aggregation.TOO_FEW_SLOTS else 1),
             )
-        if wide:
-            self._iterate_wide(level, vectors, solver, system, particles, depth)
-            return solution(kernels.host(self._scalars), solver)
-        self._plan(depth, solver.inner_levels)
+        # Where densities differ, two levels with inner iterations are too few.
+        few = wide and particles.uniform("density")
+        self._plan(depth, min(solver.inner_levels, _INNER_ON_DEVICE) if few else solver.inner_levels)
         if alone:
             cycle.solve_in_one_thread(system.symmetric, system.entries)(
                 level, self._coarse, self._table, self._operations, self._length, *vectors, self._image, self._partial,
@@ -125,8 +122,7 @@ class _Workspace:
             )  # fmt: skip
         else:
             self._iterate(level, vectors, solver, system)
-        # One element at a time: copying the whole array would wake the thread pool.
-        return solution(self._scalars, solver)
+        return solution(kernels.host(self._scalars), solver)
 
     def sizes(self) -> list[tuple[int, int]]:
         """Return rows and entries beside the diagonal of each coarse level of the last solve."""
@@ -181,79 +177,32 @@ class _Workspace:
         self._host_table = table
         return int(table[aggregation.DEPTH]), int(table[aggregation.OVERFLOW])
 
-    def _iterate_wide(
-        self, level: Any, vectors: list[Any], solver: Multigrid, system: LinearSystem, particles: Particles, depth: int
-    ) -> None:
+    def _iterate(self, level: Any, vectors: list[Any], solver: Multigrid, system: LinearSystem) -> None:
+        """Iterate with all threads on the large levels; runs of operations on small ones are one task each."""
         diagonal, x, rhs, r, p, q = vectors
         table, n = self._host_table, int(self._host_table[1])
-        most = min(solver.inner_levels, _INNER_ON_DEVICE) if particles.uniform("density") else solver.inner_levels
-        inner = cycle.inner_levels(table[3 : 2 * depth : 2].tolist(), most)
-        wide_cycle.start_on_device(system.symmetric, system.entries)(
+        iteration.start_kernel(system.symmetric, system.entries)(
             level, diagonal, x, rhs, r, p, q, self._partial, self._scalars, self._running, solver.tolerance,
-            *self._negligible, n,
+            *self._negligible, n, self._parts,
         )  # fmt: skip
         if int(kernels.host(self._running)) == 0:
             return
-        operations = tuple(cycle.program(depth, inner))
-        direct = bool(table[aggregation.BAND] >= 0)
-        wide_cycle.iterate_on_device(system.symmetric, system.entries, operations, depth, direct)(
-            level, self._coarse, self._table, diagonal, x, r, p, q, self._image, self._partial, self._scalars,
-            self._running, solver.tolerance, solver.largest_iterations, n,
-            *(int(number) for number in table[2 : 2 * depth]),
+        tasks, runs = iteration.tasks_of(self._steps, self._spread_out)
+        named = [k for operation, k in tasks if operation != cycle.RUN]
+        levels = min(max(named, default=0) + 1, int(table[aggregation.DEPTH]) - 1)
+        iteration.iterate_kernel(system.symmetric, system.entries, tasks, levels)(
+            level, self._coarse, self._table, self._operations, diagonal, x, r, p, q, self._image, self._partial,
+            self._scalars, self._running, solver.tolerance, solver.largest_iterations, self._parts, n,
+            *(int(number) for number in table[2 : 2 * (levels + 1)]), *runs,
         )  # fmt: skip
 
-    def _iterate(self, level: Any, vectors: list[Any], solver: Multigrid, system: LinearSystem) -> None:
-        """Iterate with all threads on the large levels; runs of operations on small ones are one launch each."""
-        diagonal, x, rhs, r, p, q = vectors
-        kernel = cycle.parallel_kernels(system.symmetric, system.entries)
-        table, coarse, parts = self._host_table, self._coarse, self._parts
-        partial, scalars, n = self._partial, self._scalars, int(table[1])
-        runs = self._runs(table)
-        kernel.start(level, diagonal, x, rhs, r, p, q, partial, scalars, *self._negligible, n, parts)
-        if all(operation == cycle.RUN for operation, *_ in runs):
-            if scalars[cycle.REST] > solver.tolerance**2 * scalars[cycle.RIGHT]:
-                cycle.solve_on_finest(system.symmetric, system.entries)(
-                    level, coarse, self._table, self._operations, self._length, diagonal, x, r, p, q, self._image,
-                    partial, scalars, self._running, solver.tolerance, solver.largest_iterations, n,
-                    int(table[3]) if self._length else 0, parts,
-                )  # fmt: skip
-            return
-        while True:
-            # Written so that a residual that is not a number ends the iteration.
-            if not scalars[cycle.REST] > solver.tolerance**2 * scalars[cycle.RIGHT]:
-                return
-            if scalars[cycle.ITERATIONS] >= solver.largest_iterations:
-                return
-            kernel.descend_finest(level, n, coarse, int(table[3]) if self._length else 0, parts)
-            for operation, k, begin, end in runs:
-                at, rows = int(table[2 * k]), int(table[2 * k + 1])
-                if operation == cycle.RUN:
-                    kernel.run_part(self._operations, begin, end, coarse, self._table, partial, scalars)
-                elif operation == cycle.RESTRICT:
-                    kernel.descend(coarse, at, rows, at + rows, int(table[2 * k + 3]), parts)
-                elif operation == cycle.CORRECT:
-                    kernel.ascend(coarse, at, rows, at + rows, parts)
-                elif operation == cycle.FIRST:
-                    kernel.first(coarse, at, rows, k, partial, scalars, parts)
-                elif operation == cycle.SECOND:
-                    kernel.second(coarse, at, rows, k, partial, scalars, parts)
-            kernel.ascend_finest(level, n, coarse, parts)
-            kernel.advance(level, diagonal, x, r, p, q, self._image, partial, scalars, n, parts)
-
-    def _runs(self, table: NDArray[np.int32]) -> list[tuple[int, int, int, int]]:
-        """Group the program: single operations on large levels, runs of operations on small ones."""
-        found: list[tuple[int, int, int, int]] = []
-        for index, (operation, k) in enumerate(self._steps):
-            last = k + 1 == table[aggregation.DEPTH]
-            if aggregation.blocks(int(table[2 * k + 1])) > 1 and not last:
-                # ``descend`` restricts, ``ascend`` corrects and polishes.
-                if operation != cycle.POLISH:
-                    found.append((operation, k, index, index + 1))
-            elif found and found[-1][0] == cycle.RUN:
-                found[-1] = (cycle.RUN, k, found[-1][2], index + 1)
-            else:
-                found.append((cycle.RUN, k, index, index + 1))
-        return found
+    def _spread_out(self, level: int) -> bool:
+        """Return whether many threads work on a coarse level."""
+        table = self._host_table
+        last = level + 1 == int(table[aggregation.DEPTH])
+        if kernels.runtime().wide:
+            return not (last and table[aggregation.BAND] >= 0)
+        return not last and aggregation.blocks(int(table[2 * level + 1])) > 1
 
     def _plan(self, depth: int, most: int) -> None:
         inner = cycle.inner_levels(kernels.host(self._table)[3 : 2 * depth : 2].tolist(), most)
