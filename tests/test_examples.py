@@ -18,6 +18,7 @@ def test_a_notebook_is_stored_without_outputs(path):
     assert [c for c in cells if c["outputs"] or c["execution_count"]] == []
 
 
+@pytest.mark.slow
 def test_the_dam_break_runs_and_is_compared_with_the_experiment(tmp_path, monkeypatch):
     nbclient = pytest.importorskip("nbclient")
     nbformat = pytest.importorskip("nbformat")

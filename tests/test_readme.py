@@ -39,6 +39,7 @@ def test_links_lead_somewhere(readme):
     assert [t for t in targets if not (README.parent / t.split("#")[0]).exists()] == []
 
 
+@pytest.mark.slow
 def test_python_example(readme, tmp_path):
     code = block(readme, "python")
     assert len([line for line in code.splitlines() if line.strip()]) <= 12

@@ -199,6 +199,7 @@ def test_writing_changes_nothing_in_the_trajectory(whole, tmp_path):
     assert all(a[name].tobytes() == b[name].tobytes() == c[name].tobytes() for name in a)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no SIGKILL")
 def test_a_run_that_is_killed_goes_on(whole, tmp_path):
     """Killed at two instants, the second in the run that continues the first; 20 random ones are in validation/."""

@@ -20,6 +20,7 @@ def everything_in_threads(monkeypatch):
     multigrid._workspace.cache_clear()
 
 
+@pytest.mark.slow
 def test_one_thread_and_two_agree(device, everything_in_threads, monkeypatch):
     spacing = 0.02
     case = spume.load("dam-break", [f"spacing={spacing}", "step.solver.tolerance=1e-9"])
