@@ -124,3 +124,15 @@ def test_calls_with_new_numbers_leave_nothing_behind(runtime):
     left, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert left < 200_000
+
+
+@pytest.mark.parametrize(("shape", "integer"), [((), True), ((), False), ((3,), False), ((3, 3), False)])
+def test_arrays_are_of_zeros_where_others_were(runtime, shape, integer):
+    value = kernels.value_type(shape, integer)
+    for _ in range(20):
+        data = kernels.array(value, 10_000)
+        found = kernels.host(data)
+        assert not found.any()
+        found[:] = 7
+        kernels.publish(data, found)
+        del data, found

@@ -6,7 +6,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from arrangements import block, offsets, table
-from spume import lanes
+from spume import kernels, lanes
 from spume.particles import DUMMY, FLUID, WALL
 from spume.ranges import CELLS_PER_REACH
 
@@ -216,6 +216,18 @@ def test_an_overflowing_list_grows():
     assert pairs.list.bytes() > before
     assert lists(particles, pairs) == expected(particles, reach(pairs))
     assert sum(map(len, lists(particles, pairs).values())) > 144 * 100
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_list_that_just_fits_is_whole(seed):
+    """Candidates are written before it is known whether they are near: the last of them may not hit the last slot."""
+    _, particles, pairs = table(np.random.default_rng(seed).uniform(0.0, 0.6, (30, 2)))
+    storage, length = pairs.list._storage, pairs.list.length.to_numpy()[: particles.active]
+    whole = lists(particles, pairs)
+    wide = kernels.runtime().wide
+    storage.slots_per_block = int(length.max() * storage.rows_per_block if wide else length.sum())
+    pairs.list.build(particles)
+    assert lists(particles, pairs) == whole
 
 
 @few

@@ -234,7 +234,7 @@ def _beside_each_other(case: Case, grid: Grid, tables: list[Rows]) -> list[Rows]
     for members in moving_together(case):
         merged = _merged(case, grid, [tables[i] for i in members], members)
         for index, rows in zip(members, merged, strict=True):
-            keep = ~np.isin(keys_of(grid.cells(rows["position"]), grid, case), taken)
+            keep = ~among(keys_of(grid.cells(rows["position"]), grid, case), taken)
             if not keep.all():
                 name = case.body[index].name
                 log.warning("body %s: %d rows lie in other bodies and are left out", name, int((~keep).sum()))
@@ -284,10 +284,9 @@ def _merged(case: Case, grid: Grid, tables: list[Rows], members: list[int]) -> l
 
     candidates = np.flatnonzero(keep & (kind == WALL))
     enclosed = np.ones(len(candidates), dtype=bool)
-    occupied = np.unique(keys)
     for offset in itertools.product((-1, 0, 1), repeat=grid.dimension):
         near = cells[candidates] + np.array(offset)
-        solid = np.isin(keys_of(near, grid, case), occupied)
+        solid = among(keys_of(near, grid, case), keys)
         for body in (case.body[index] for index in members):
             solid |= body.core(grid.centres(near), grid.spacing, grid.origin)
         enclosed &= solid

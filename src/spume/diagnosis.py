@@ -219,9 +219,8 @@ class Watch:
         row_map(is_behind, particles, out="behind_wall", arguments=(-BEHIND * l0, -DEEPEST * l0))
         if particles.total("behind_wall", FLUID) == 0.0:
             return None
-        clearance = kernels.host(particles["wall_clearance"])[: particles.count]
-        kind = kernels.host(particles["kind"])[: particles.count]
-        behind = (kind == FLUID) & (clearance < -BEHIND * l0) & (clearance > -DEEPEST * l0)
+        clearance, kind = particles.numpy("wall_clearance"), particles.numpy("kind")
+        behind = (kind == FLUID) & (particles.numpy("behind_wall") > 0.0)
         number = int(np.count_nonzero(behind))
         row = int(np.argmin(np.where(behind, clearance, inf)))
         if number < LEAKED[0] or number < LEAKED[1] * self._fluid:

@@ -25,9 +25,6 @@ REDUCED = 128
 _FOLDS = (1 << 16, 1 << 10, 1 << 5)
 """Partial sums that are left after each loop that folds them."""
 
-_SCANNED = 1 << 14
-_SCANNED_TOGETHER = 1 << 7
-
 
 def stride() -> int:
     """Return by how many slots two neighbours of a row lie apart."""
@@ -58,7 +55,12 @@ def room_for_sums(rows: int, parts: int) -> int:
 
 def room_for_scan() -> int:
     """Return the size of the array in which `exclusive_sums` puts sums of parts."""
-    return _SCANNED + _SCANNED // _SCANNED_TOGETHER + 1
+    return sum(_scanned())
+
+
+def _scanned() -> tuple[int, int]:
+    """Return into how many parts `exclusive_sums` cuts what it sums, and into how many groups these."""
+    return (1 << 14, 1 << 7) if kernels.runtime().wide else (1 << 8, 1)
 
 
 @kernels.cached
@@ -66,7 +68,8 @@ def parts_of() -> Any:
     """Return the functions that cut rows into parts.
 
     * ``every(parts, n)``: the number of parts of n rows, ``parts`` or n;
-    * ``bound(b, parts, n)``: the first row of part b.
+    * ``row(b, parts, n)``: the first row of part b of ``every(parts, n)``, or of 1;
+    * ``bound(b, parts, n)``: the first row of part b of ``parts``, also on wide devices.
     """
     qd, i32, i64, wide = kernels.qd, kernels.i32, kernels.i64, kernels.runtime().wide
 
@@ -83,7 +86,7 @@ def parts_of() -> Any:
 
     @kernels.func
     def row(b: i32, parts: i32, n: i32):  # type: ignore[no-untyped-def, valid-type]
-        """Return the first row of part b of ``every(parts, n)``, or of 1: without a division where a part is a row."""
+        # Without a division where a part is a row.
         found = b
         if kernels.static(wide):
             if parts == 1:
@@ -140,24 +143,27 @@ def fold(width: int = 3) -> Any:
 
 
 @kernels.cached
-def exclusive_sums() -> Any:
-    """Return the function ``scan(counts, start, sums, n)`` of exclusive sums, made by many threads.
+def exclusive_sums(serial: bool = False) -> Any:
+    """Return the function ``scan(counts, start, sums, n)`` of exclusive sums, made by many threads or by one.
 
     ``start[n]`` is their total; ``counts`` end up equal to ``start``, to serve as cursors. ``sums`` has
     `room_for_scan` numbers.
     """
     qd, i32 = kernels.qd, kernels.i32
     Rows = kernels.array_type(i32)
-    lanes, group, groups = _SCANNED, _SCANNED_TOGETHER, _SCANNED // _SCANNED_TOGETHER
+    lanes, groups = _scanned()
+    group = lanes // groups
 
     @kernels.func
     def scan(counts: Rows, start: Rows, sums: Rows, n: i32):  # type: ignore[no-untyped-def, valid-type]
+        qd.loop_config(serialize=serial)
         for b in range(lanes):
             size = (n + lanes - 1) // lanes
             total = 0
             for c in range(qd.min(b * size, n), qd.min((b + 1) * size, n)):
                 total += counts[c]
             sums[b] = total
+        qd.loop_config(serialize=serial)
         for g in range(groups):
             total = 0
             for b in range(g * group, (g + 1) * group):
@@ -171,12 +177,14 @@ def exclusive_sums() -> Any:
                 sums[lanes + g] = total
                 total += own
             start[n] = total
+        qd.loop_config(serialize=serial)
         for g in range(groups):
             total = sums[lanes + g]
             for b in range(g * group, (g + 1) * group):
                 own = sums[b]
                 sums[b] = total
                 total += own
+        qd.loop_config(serialize=serial)
         for b in range(lanes):
             size = (n + lanes - 1) // lanes
             total = sums[b]

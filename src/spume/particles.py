@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from spume import kernels, lanes, reductions
+from spume import kernels, reductions
 
 FLUID = 1
 WALL = 2
@@ -421,8 +421,7 @@ class Particles:
     def _reduction(self) -> tuple[Any, Any]:
         """Return the arrays of partial sums or extremes, and of what is left of them for the processor."""
         if self._partial is None:
-            real = kernels.runtime().real
-            self._partial, self._reduced = (kernels.array(real, n) for n in (lanes.reduction_blocks(), lanes.REDUCED))
+            self._partial, self._reduced = reductions.reduction_arrays(kernels.runtime().real)
         return self._partial, self._reduced
 
     def _extreme(self, name: str, rows: int, largest: bool) -> float:

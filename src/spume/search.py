@@ -21,6 +21,7 @@ from spume import chunks, kernels, lanes
 from spume.lattice import regular_neighbours
 from spume.particles import FLUID, Particles
 from spume.ranges import CELLS_PER_REACH, list_kernel
+from spume.reductions import reduction, reduction_arrays
 
 _WET_REACHES = 2
 """A solid row is dry, and takes no part, if no fluid lies within this many search radii of it, counted in cells.
@@ -84,6 +85,7 @@ class NeighbourList:
         self._storage = chunks.Storage()
         d = len(lower)
         self._partial = kernels.array(kernels.vector(d), 2 * lanes.reduction_blocks())
+        self._moved = reduction_arrays(kernels.runtime().real)
         self._bounds = kernels.array(kernels.vector(d), 2 * lanes.REDUCED)
         self._flag = kernels.array(kernels.i32, 1)
 
@@ -222,8 +224,8 @@ class NeighbourList:
 
     def _largest_displacement_squared(self, particles: Particles) -> float:
         kernel = _displacement_kernel(particles.dimension, kernels.light(particles.count))
-        kernel(particles["position"], self._built, self._partial, self._bounds, particles.count)
-        return float(kernels.host(self._bounds)[: lanes.REDUCED, 0].max())
+        kernel(particles["position"], self._built, *self._moved, 0, particles.count)
+        return float(kernels.host(self._moved[1]).max())
 
     def _grid(
         self, count: int, low: NDArray[np.float64], high: NDArray[np.float64]
@@ -263,13 +265,13 @@ class NeighbourList:
             self._near = kernels.array(kernels.i32, self._cells)
             self._cell_start = kernels.array(kernels.i32, self._cells)
             self._cursor = kernels.array(kernels.i32, self._cells)
-            self._sums = kernels.array(kernels.i32, max(_SCAN_BLOCKS, lanes.room_for_scan()))
+            self._sums = kernels.array(kernels.i32, lanes.room_for_scan())
         light = kernels.light(count)
         _cell_kernel(d, self.periodic, light)(
             particles["position"], particles["kind"], self._cell, self._order, self._cursor, self._near, count, cells,
             *map(float, origin), *map(float, size), *[int(s) for s in shape],
         )  # fmt: skip
-        _scan_kernel(light)(self._cursor, self._cell_start, self._sums, 2 * cells + 1)
+        _scan_kernel(light)(self._cursor, self._cell_start, self._sums, 2 * cells)
         _scatter_kernel(light)(
             self._cell, self._cell_start, self._cursor, self._order, particles["id"], self._flag, count, 2 * cells
         )
@@ -296,9 +298,6 @@ class NeighbourList:
         return int(kernels.host(self._flag)[0]) <= storage.slots_per_block
 
 
-_SCAN_BLOCKS = 256
-
-
 def _types(d: int) -> tuple[Any, Any, Any, Any]:
     return (
         kernels.array_type(kernels.vector(d)),
@@ -323,35 +322,11 @@ def _copy_kernel(d: int, serial: bool) -> Any:
 
 @kernels.cached
 def _displacement_kernel(d: int, serial: bool) -> Any:
-    Vectors, _, _, _ = _types(d)
-    qd, blocks, real = kernels.qd, lanes.reduction_blocks(), kernels.runtime().real
-    huge, reduced = float(np.finfo(kernels.runtime().dtype).max), lanes.REDUCED
-    share = blocks // reduced
-
-    @kernels.kernel
-    def displacement(position: Vectors, built: Vectors, partial: Vectors, found: Vectors, count: kernels.i32):
-        qd.loop_config(serialize=serial)
-        for b in range(blocks):
-            largest = qd.cast(0, real)
-            for i in range(
-                qd.cast(qd.cast(count, qd.i64) * b // blocks, qd.i32),
-                qd.cast(qd.cast(count, qd.i64) * (b + 1) // blocks, qd.i32),
-            ):
-                moved = position[i] - built[i]
-                square = moved.dot(moved)
-                # A position that is not a number vanishes in max(): it must cause a build, which removes it.
-                if not (square < huge):
-                    square = huge
-                largest = qd.max(largest, square)
-            partial[b][0] = largest
-        qd.loop_config(serialize=serial)
-        for c in range(reduced):
-            largest = qd.cast(0, real)
-            for k in range(share):
-                largest = qd.max(largest, partial[c + k * reduced][0])
-            found[c][0] = largest
-
-    return displacement
+    """Return the kernel that finds the square of the largest displacement since the list was built."""
+    # A position that is not a number must cause a build, which removes it.
+    square = "no_nan((position[i] - built[i]).dot(position[i] - built[i]))"
+    arrays = {"position": kernels.vector(d), "built": kernels.vector(d)}
+    return reduction("displacement", arrays, [square], "0", "qd.max({}, {})", "True", serial)
 
 
 @kernels.cached
@@ -468,43 +443,12 @@ def _cell_kernel(d: int, periodic: tuple[bool, ...], serial: bool) -> Any:
 @kernels.cached
 def _scan_kernel(serial: bool) -> Any:
     _, Rows, _, _ = _types(2)
-    qd, blocks = kernels.qd, _SCAN_BLOCKS
-    if kernels.runtime().wide:
-        exclusive_sums = lanes.exclusive_sums()
-
-        @kernels.kernel
-        def wide_scan(counts: Rows, start: Rows, sums: Rows, n: kernels.i32):
-            """Exclusive sums of the first n - 1 counts, the last of which is their total; counts as below."""
-            exclusive_sums(counts, start, sums, n - 1)
-
-        return wide_scan
+    exclusive_sums = lanes.exclusive_sums(serial)
 
     @kernels.kernel
     def scan(counts: Rows, start: Rows, sums: Rows, n: kernels.i32):
-        """Exclusive sums of counts; counts end up equal to the starts, to serve as cursors."""
-        qd.loop_config(serialize=serial)
-        for b in range(blocks):
-            size = (n + blocks - 1) // blocks
-            total = 0
-            for c in range(qd.min(b * size, n), qd.min((b + 1) * size, n)):
-                total += counts[c]
-            sums[b] = total
-        qd.loop_config(serialize=True)
-        for _ in range(1):
-            total = 0
-            for b in range(blocks):
-                own = sums[b]
-                sums[b] = total
-                total += own
-        qd.loop_config(serialize=serial)
-        for b in range(blocks):
-            size = (n + blocks - 1) // blocks
-            total = sums[b]
-            for c in range(qd.min(b * size, n), qd.min((b + 1) * size, n)):
-                own = counts[c]
-                start[c] = total
-                counts[c] = total
-                total += own
+        """Exclusive sums of n counts, and their total behind the last."""
+        exclusive_sums(counts, start, sums, n)
 
     return scan
 

@@ -7,10 +7,10 @@ zero: both are projected, component by component.
 from typing import Any
 
 from spume import kernels, lanes
-from spume.lanes import REDUCED, reduction_blocks
 from spume.particles import Field, Particles
 from spume.pressure.entries import Entries, entry_functions, matrix_type
 from spume.pressure.matrix import UNKNOWN, LinearSystem
+from spume.reductions import reduction, reduction_arrays
 
 COMPONENT = Field("component", (), "1", "smallest row number of the row's connected component", int)
 
@@ -65,7 +65,7 @@ class Components:
         if not roots:
             return
         if self._sums is None:
-            self._sums = tuple(kernels.array(kernels.accumulator(), 2 * n) for n in (reduction_blocks(), REDUCED))
+            self._sums = reduction_arrays(kernels.accumulator(), 2)
         light = kernels.light(particles.active)
         rows = (particles[name], particles[state], particles["component"])
         for root in roots:
@@ -163,42 +163,10 @@ def _roots_kernel(serial: bool) -> Any:
 
 @kernels.cached
 def _sum_kernel(serial: bool) -> Any:
-    real, wide = kernels.runtime().real, kernels.accumulator()
-    Values, Sums, Rows = (kernels.array_type(t) for t in (real, wide, kernels.i32))
-    qd, blocks, reduced = kernels.qd, reduction_blocks(), REDUCED
-    share, spread = blocks // reduced, 1 if serial else kernels.spread(blocks)
-
-    @kernels.kernel
-    def sum_of_component(
-        field: Values, state: Rows, label: Rows, partial: Sums, result: Sums, root: kernels.i32, count: kernels.i32
-    ):
-        """Sum a field over the rows of one component, and count these."""
-        qd.loop_config(serialize=serial)
-        for t in range(blocks * spread):
-            if t % spread == 0:
-                b = t // spread
-                s = qd.cast(0, wide)
-                number = qd.cast(0, wide)
-                for i in range(
-                    qd.cast(qd.cast(count, qd.i64) * b // blocks, qd.i32),
-                    qd.cast(qd.cast(count, qd.i64) * (b + 1) // blocks, qd.i32),
-                ):
-                    if state[i] == UNKNOWN and label[i] == root:
-                        s += qd.cast(field[i], wide)
-                        number += 1
-                partial[2 * b] = s
-                partial[2 * b + 1] = number
-        qd.loop_config(serialize=serial)
-        for c in range(reduced):
-            s = qd.cast(0, wide)
-            number = qd.cast(0, wide)
-            for k in range(share):
-                s += partial[2 * (c + k * reduced)]
-                number += partial[2 * (c + k * reduced) + 1]
-            result[2 * c] = s
-            result[2 * c + 1] = number
-
-    return sum_of_component
+    """Return the kernel that sums a field over the rows of one component, and counts these."""
+    arrays = {"field": kernels.runtime().real, "state": kernels.i32, "label": kernels.i32}
+    where = f"state[i] == {UNKNOWN} and label[i] == choice"
+    return reduction("component", arrays, ["field[i]", "1"], "0", "{} + {}", where, serial, kernels.accumulator())
 
 
 @kernels.cached

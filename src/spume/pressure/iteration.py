@@ -52,10 +52,9 @@ def tasks_of(
     return tuple(tasks), runs
 
 
-def _looping() -> dict[str, Any]:
+def _looping() -> tuple[int, int]:
     """Return what loops over parts need: how far they are stretched, and how many threads work together."""
-    wide = kernels.runtime().wide
-    return {"spread": 1 if wide else kernels.spread(blocks()), "together": 128 if wide else 1}
+    return (1, 128) if kernels.runtime().wide else (kernels.spread(blocks()), 1)
 
 
 @kernels.cached
@@ -65,7 +64,7 @@ def start_kernel(symmetric: bool, entries: Entries) -> Any:
     Level, Reals = level_type(entries), kernels.array_type(real)
     Flag = qd.types.ndarray(dtype=i32, ndim=0)
     o, fold, every = outer_stages(symmetric, entries), lanes.fold().fold, lanes.parts_of().every
-    spread, together = _looping().values()
+    spread, together = _looping()
 
     @kernels.kernel
     def start(
@@ -98,13 +97,13 @@ def iterate_kernel(symmetric: bool, entries: Entries, tasks: tuple[Task, ...], l
     """
     qd = kernels.qd
     Reals, Rows = kernels.array_type(kernels.runtime().real), kernels.array_type(kernels.i32)
-    parts_of = lanes.parts_of()
+    spread, together = _looping()
     scope: dict[str, Any] = {
         "Level": level_type(entries), "Coarse": level_type(SINGLES), "Reals": Reals, "Rows": Rows,
         "Flag": qd.types.ndarray(dtype=kernels.i32, ndim=0), "real": kernels.runtime().real,
         "f": cycle_stages(symmetric, entries), "c": cycle_stages(symmetric, SINGLES),
         "o": outer_stages(symmetric, entries), "fold": lanes.fold().fold, "total": lanes.fold().total,
-        "run": run_function(symmetric), "every": parts_of.every, **_looping(),
+        "run": run_function(symmetric), "every": lanes.parts_of().every, "spread": spread, "together": together,
     }  # fmt: skip
     body: list[str] = []
 
