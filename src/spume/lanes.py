@@ -53,14 +53,23 @@ def room_for_sums(rows: int, parts: int) -> int:
     return max(rows, _FOLDS[0]) if kernels.runtime().wide else parts
 
 
-def room_for_scan() -> int:
-    """Return the size of the array in which `exclusive_sums` puts sums of parts."""
-    return sum(_scanned())
+def room_for_scan(n: int) -> int:
+    """Return the size of the array in which `exclusive_sums` of n counts puts sums of parts."""
+    if not kernels.runtime().wide:
+        return _PARTS
+    return max(_behind_stages(n, _STAGES), _behind_stages(n, _LONG_STAGES), 1)
 
 
-def _scanned() -> tuple[int, int]:
-    """Return into how many parts `exclusive_sums` cuts what it sums, and into how many groups these."""
-    return (1 << 14, 1 << 7) if kernels.runtime().wide else (1 << 8, 1)
+_PARTS = 1 << 8
+_STAGES, _LONG_STAGES = (1 << 5, 1 << 10, 1 << 15), (1 << 4, 1 << 8, 1 << 13, 1 << 18)
+"""Counts whose sum a thread leaves in each stage of an exclusive sum on wide devices; in a long one fewer at first.
+
+What a thread sums lies together. Many threads with many counts each would crowd each other out of the cache.
+"""
+
+
+def _behind_stages(n: int, stages: tuple[int, ...]) -> int:
+    return sum(-(-n // step) for step in stages)
 
 
 @kernels.cached
@@ -143,52 +152,104 @@ def fold(width: int = 3) -> Any:
 
 
 @kernels.cached
-def exclusive_sums(serial: bool = False) -> Any:
+def exclusive_sums(serial: bool = False, long: bool = False) -> Any:
     """Return the function ``scan(counts, start, sums, n)`` of exclusive sums, made by many threads or by one.
 
     ``start[n]`` is their total; ``counts`` end up equal to ``start``, to serve as cursors. ``sums`` has
     `room_for_scan` numbers.
+
+    Args:
+        serial: leave it to one thread.
+        long: sum in more stages on wide devices: worth its launches from millions of counts on.
     """
+    return _sums_in_stages(_LONG_STAGES if long else _STAGES) if kernels.runtime().wide else _sums_by_parts(serial)
+
+
+def _sums_by_parts(serial: bool) -> Any:
     qd, i32 = kernels.qd, kernels.i32
-    Rows = kernels.array_type(i32)
-    lanes, groups = _scanned()
-    group = lanes // groups
+    Rows, parts = kernels.array_type(i32), _PARTS
 
     @kernels.func
     def scan(counts: Rows, start: Rows, sums: Rows, n: i32):  # type: ignore[no-untyped-def, valid-type]
         qd.loop_config(serialize=serial)
-        for b in range(lanes):
-            size = (n + lanes - 1) // lanes
+        for b in range(parts):
+            size = (n + parts - 1) // parts
             total = 0
             for c in range(qd.min(b * size, n), qd.min((b + 1) * size, n)):
                 total += counts[c]
             sums[b] = total
-        qd.loop_config(serialize=serial)
-        for g in range(groups):
-            total = 0
-            for b in range(g * group, (g + 1) * group):
-                total += sums[b]
-            sums[lanes + g] = total
         qd.loop_config(serialize=True)
         for _ in range(1):
             total = 0
-            for g in range(groups):
-                own = sums[lanes + g]
-                sums[lanes + g] = total
-                total += own
-            start[n] = total
-        qd.loop_config(serialize=serial)
-        for g in range(groups):
-            total = sums[lanes + g]
-            for b in range(g * group, (g + 1) * group):
+            for b in range(parts):
                 own = sums[b]
                 sums[b] = total
                 total += own
+            start[n] = total
         qd.loop_config(serialize=serial)
-        for b in range(lanes):
-            size = (n + lanes - 1) // lanes
+        for b in range(parts):
+            size = (n + parts - 1) // parts
             total = sums[b]
             for c in range(qd.min(b * size, n), qd.min((b + 1) * size, n)):
+                own = counts[c]
+                start[c] = total
+                counts[c] = total
+                total += own
+
+    return scan
+
+
+def _sums_in_stages(stages: tuple[int, ...]) -> Any:
+    qd, i32 = kernels.qd, kernels.i32
+    Rows = kernels.array_type(i32)
+    # Of each stage behind the first: the steps of the stages before it, its own, and how many sums it takes together.
+    further = tuple((stages[:k], stages[k], stages[k] // stages[k - 1]) for k in range(1, len(stages)))
+    first, before_last, last = stages[0], stages[:-1], stages[-1]
+
+    @kernels.func
+    def behind(n: i32, steps: kernels.qd.template()):  # type: ignore[no-untyped-def, valid-type]
+        """Return where the sums behind the stages of these steps begin."""
+        at = 0
+        for step in kernels.static(steps):
+            at += (n + step - 1) // step
+        return at
+
+    @kernels.func
+    def scan(counts: Rows, start: Rows, sums: Rows, n: i32):  # type: ignore[no-untyped-def, valid-type]
+        for b in range((n + first - 1) // first):
+            total = 0
+            for c in range(b * first, qd.min((b + 1) * first, n)):
+                total += counts[c]
+            sums[b] = total
+        for finer, step, share in kernels.static(further):
+            for b in range((n + step - 1) // step):
+                source = behind(n, finer[:-1])
+                end = behind(n, finer)
+                total = 0
+                for c in range(source + b * share, qd.min(source + (b + 1) * share, end)):
+                    total += sums[c]
+                sums[end + b] = total
+        qd.loop_config(serialize=True)
+        for _ in range(1):
+            source = behind(n, before_last)
+            total = 0
+            for c in range(source, source + (n + last - 1) // last):
+                own = sums[c]
+                sums[c] = total
+                total += own
+            start[n] = total
+        for finer, step, share in kernels.static(further[::-1]):
+            for b in range((n + step - 1) // step):
+                source = behind(n, finer[:-1])
+                end = behind(n, finer)
+                total = sums[end + b]
+                for c in range(source + b * share, qd.min(source + (b + 1) * share, end)):
+                    own = sums[c]
+                    sums[c] = total
+                    total += own
+        for b in range((n + first - 1) // first):
+            total = sums[b]
+            for c in range(b * first, qd.min((b + 1) * first, n)):
                 own = counts[c]
                 start[c] = total
                 counts[c] = total

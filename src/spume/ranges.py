@@ -31,14 +31,14 @@ def list_kernel(d: int, periodic: tuple[bool, ...]) -> Any:
     parameters = [f"origin{k}: real" for k in axes] + [f"size{k}: real" for k in axes]
     parameters += [f"shape{k}: qd.i32" for k in axes] + [f"period{k}: real" for k in axes]
     ranges = 3 ** (d - 1) * (2 if periodic[0] else 1)
-    wide, stride = kernels.runtime().wide, lanes.stride()
-    times = f" * {stride}" if wide else ""
+    wide = kernels.runtime().wide
+    times = f" * {lanes.stride()}" if wide else ""
     row_of_cells = "shape0 * n1" if d == 2 else "shape0 * (n1 + shape1 * n2)"
     body = [
         f"c{k} = qd.min(qd.max(qd.cast(qd.floor((x[{k}] - origin{k}) / size{k}), qd.i32), 0), shape{k} - 1)"
         for k in range(1, d)
     ]
-    body += ["low = Ranges(0)", "high = Ranges(0)", "found = 0"]
+    body += ["low = Ranges(0)", "high = Ranges(0)", "found = 0", *(["solid = 0"] if wide else [])]
     # All ranges are found before any is walked: the ends of short loops are never foreseen, what follows then waits.
     for offsets in np.ndindex(*(3,) * (d - 1)):
         body.append("square = reach * reach")
@@ -81,9 +81,6 @@ def list_kernel(d: int, periodic: tuple[bool, ...]) -> Any:
         "for j in range(head, tail):",
         "    r = position[j] - x",
         *[f"    r[{k}] -= period{k} * qd.round(r[{k}] / period{k})" for k in axes if periodic[k]],
-        # Written without a branch: one candidate in four is near, which no branch predictor can guess.
-        f"    neighbour[base_slot + {{used}}{times}] = j",
-        "    used += qd.cast(r.dot(r) < reach * reach, qd.i32)",
     ]
     body += [
         "for q in range(found):",
@@ -92,10 +89,7 @@ def list_kernel(d: int, periodic: tuple[bool, ...]) -> Any:
         "    for half in range(halves):",
         "        head = qd.select(half == 1, i + 1, low[q])",
         "        tail = qd.select(half + 1 < halves, i, high[q])",
-        "        if used + tail - head <= slots:",
-        *[f"            {line.format(used='used')}" for line in walk],
-        "        else:",
-        *[f"            {line.format(used='qd.min(used, slots - 1)')}" for line in walk],
+        *["        " + line for line in (_note_by_row(walk) if wide else _note_by_block(walk))],
     ]
     lines = [
         "def fill(position: Vectors, kind: Rows, cell_start: Rows, start: Starts, length: Rows, fluid: Rows,",
@@ -109,20 +103,12 @@ def list_kernel(d: int, periodic: tuple[bool, ...]) -> Any:
         f"            if kind[i] & {LISTED} != 0:",
         "                x = position[i]",
         *["                " + line for line in body],
-        # Fluid neighbours first, by swaps without a branch.
-        f"                front = base_slot + qd.min(before, slots - 1){times}",
-        "                head = qd.min(before, slots - 1)",
-        "                for k in range(head, qd.min(used, slots)):",
-        f"                    j = neighbour[base_slot + k{times}]",
-        f"                    neighbour[base_slot + k{times}] = neighbour[front]",
-        "                    neighbour[front] = j",
-        f"                    front += (kind[j] & {FLUID}){times}",
-        f"                fluid[i] = (front - base_slot){times.replace('*', '//')} - head",
+        *["                " + line for line in (_close_by_row() if wide else _front_by_block())],
         # A wall row that sees no fluid takes part in nothing: its list is dropped.
         f"                if kind[i] & {FLUID} == 0 and fluid[i] == 0:",
         "                    used = before",
         "                length[i] = qd.min(used, slots) - qd.min(before, slots)",
-        # Candidates behind the last neighbour are written too, the last time into its own slot: one must be left.
+        # Candidates behind a block's last neighbour are written too, the last time into its own slot: one must be left.
         "        if used >= slots:",
         f"            qd.atomic_max(flag[0], (used + 1){times})",
     ]
@@ -161,4 +147,65 @@ def _by_row() -> list[str]:
         "        used = 0",
         "        for i in range(begin + t, begin + t + 1):",
         "            before = 0",
+    ]
+
+
+def _note_by_block(walk: list[str]) -> list[str]:
+    """Return the walk through a range that puts a row's neighbours behind those before them.
+
+    Written without a branch: one candidate in four is near, which no branch predictor can guess.
+    """
+    return [
+        "if used + tail - head <= slots:",
+        *[f"    {line}" for line in [*walk, *_written("used")]],
+        "else:",
+        *[f"    {line}" for line in [*walk, *_written("qd.min(used, slots - 1)")]],
+    ]
+
+
+def _written(slot: str) -> list[str]:
+    return [
+        f"    neighbour[base_slot + {slot}] = j",
+        "    used += qd.cast(r.dot(r) < reach * reach, qd.i32)",
+    ]
+
+
+def _front_by_block() -> list[str]:
+    """Return the statements that bring fluid neighbours to the front, by swaps without a branch."""
+    return [
+        "head = qd.min(before, slots - 1)",
+        "front = base_slot + head",
+        "for k in range(head, qd.min(used, slots)):",
+        "    j = neighbour[base_slot + k]",
+        "    neighbour[base_slot + k] = neighbour[front]",
+        "    neighbour[front] = j",
+        f"    front += kind[j] & {FLUID}",
+        "fluid[i] = front - base_slot - head",
+    ]
+
+
+def _note_by_row(walk: list[str]) -> list[str]:
+    """Return the walk through a range that fills a row's slots with fluid from the front and solid from the back."""
+    stride = lanes.stride()
+    return [
+        *walk,
+        "    if r.dot(r) < reach * reach:",
+        "        if used < slots:",
+        "            slot = slots - 1 - solid",
+        f"            if kind[j] & {FLUID} != 0:",
+        "                slot = used - solid",
+        "            else:",
+        "                solid += 1",
+        f"            neighbour[base_slot + slot * {stride}] = j",
+        "        used += 1",
+    ]
+
+
+def _close_by_row() -> list[str]:
+    """Return the statements that close the gap between fluid and solid neighbours: as few of these move as fill it."""
+    stride = lanes.stride()
+    return [
+        "fluid[i] = qd.min(used, slots) - solid",
+        "for k in range(qd.min(solid, slots - qd.min(used, slots))):",
+        f"    neighbour[base_slot + (fluid[i] + k) * {stride}] = neighbour[base_slot + (slots - 1 - k) * {stride}]",
     ]

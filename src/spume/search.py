@@ -265,7 +265,7 @@ class NeighbourList:
             self._near = kernels.array(kernels.i32, self._cells)
             self._cell_start = kernels.array(kernels.i32, self._cells)
             self._cursor = kernels.array(kernels.i32, self._cells)
-            self._sums = kernels.array(kernels.i32, lanes.room_for_scan())
+            self._sums = kernels.array(kernels.i32, lanes.room_for_scan(self._cells))
         light = kernels.light(count)
         _cell_kernel(d, self.periodic, light)(
             particles["position"], particles["kind"], self._cell, self._order, self._cursor, self._near, count, cells,
@@ -443,7 +443,7 @@ def _cell_kernel(d: int, periodic: tuple[bool, ...], serial: bool) -> Any:
 @kernels.cached
 def _scan_kernel(serial: bool) -> Any:
     _, Rows, _, _ = _types(2)
-    exclusive_sums = lanes.exclusive_sums(serial)
+    exclusive_sums = lanes.exclusive_sums(serial, long=True)
 
     @kernels.kernel
     def scan(counts: Rows, start: Rows, sums: Rows, n: kernels.i32):

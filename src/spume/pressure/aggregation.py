@@ -134,7 +134,7 @@ def stages(entries: Entries, finest: bool) -> Any:
     i32, i64, f32 = kernels.i32, kernels.i64, kernels.f32
     Level, Coarse, Scratch = level_type(entries), level_type(SINGLES), scratch_type()
     Rows, Reals = kernels.array_type(i32), kernels.array_type(real)
-    entry, stride, wide = entry_functions(Level, entries), lanes.stride(), kernels.runtime().wide
+    entry, stride = entry_functions(Level, entries), lanes.stride()
     tiny = 1e-10 if kernels.runtime().precision == "double" else 1e-4
     huge = 1e30
 
@@ -354,66 +354,9 @@ def stages(entries: Entries, finest: bool) -> Any:
             finish(coarse, to + own, own, first, cursor - first, total, excess, size)
         return cursor
 
-    @kernels.func
-    def combine_row(
-        b: i32, parts: i32, level: Level, diagonal: Reals, at: i32, coarse: Coarse, to: i32, n: i32, slots: i32,  # type: ignore[valid-type]
-        room: i32, scratch: Scratch, table: Rows,  # type: ignore[valid-type]
-    ):  # fmt: skip
-        """Sum the rows and columns of aggregate b, whose columns lie interleaved with others' and are ``room`` at most.
-
-        A new column is looked for among those that are there: they are few, and threads beside each other read on.
-        """
-        row = to + b
-        first = slots + b // stride * stride * room + b % stride
-        used = 0
-        lacking = 0
-        excess = qd.cast(0, real)
-        size = qd.cast(0, real)
-        for s in range(coarse.first[row], coarse.last[row]):
-            i = at + level.member[at + s]
-            size += level.diagonal[i]
-            if kernels.static(finest):
-                excess += diagonal[i]
-            else:
-                excess += level.excess[i]
-            start = level.start[i]
-            chunk = entry.chunk(level, i)
-            for q in range(level.length[i]):
-                k = start + q * stride
-                j = level.aggregate[at + entry.column(level, chunk, k)]
-                v = entry.value(level, chunk, k)
-                if kernels.static(finest):
-                    excess += v
-                if j < 0:
-                    # A row that is left to the sweeps counts as known.
-                    excess -= v
-                elif j != b:
-                    m = 0
-                    beyond = used
-                    while m < beyond:
-                        if coarse.column[first + m * stride] == j:
-                            beyond = m
-                        else:
-                            m += 1
-                    if m < used:
-                        k = first + m * stride
-                        coarse.value[k] = coarse.value[k] + qd.cast(v, f32)
-                    elif used < room:
-                        coarse.column[first + m * stride] = j
-                        coarse.value[first + m * stride] = qd.cast(v, f32)
-                        used += 1
-                    else:
-                        lacking = 1
-        if lacking == 1:
-            qd.atomic_or(table[OVERFLOW], TOO_FEW_SLOTS)
-        total = excess
-        for c in range(used):
-            total -= coarse.value[first + c * stride]
-        finish(coarse, row, b, first, used, total, excess, size)
-
     return SimpleNamespace(
         bound=bound, zero=zero, shape=shape, cells=cells, place=place, scan=scan,
-        scatter=scatter, split=split, number=number, combine=combine_row if wide else combine,
+        scatter=scatter, split=split, number=number, combine=combine, finish=finish,
     )  # fmt: skip
 
 

@@ -19,8 +19,10 @@ ROOM = (1 / 3, 5.0)
 """Rows of all coarse levels, and their entries, per particle that there is room for at first (it grows)."""
 
 
-_INNER_ON_DEVICE = 2
-"""Levels with inner iterations on wide devices, where each more doubles the launches of all below it."""
+_INNER_ON_DEVICE = (2, 3)
+"""Levels with inner iterations on wide devices, where each more doubles the launches of all below it: in general,"""
+_LARGE_ON_DEVICE = 700_000
+"""and where the first coarse level has at least this many rows, so that launches count less than iterations."""
 
 _ROOM_ON_DEVICE = (1 / 5, 0.0)
 _ROOM_OF_ROW = 40
@@ -113,8 +115,10 @@ class _Workspace:
                 self._slots * (2 if lacking & aggregation.TOO_FEW_SLOTS else 1),
             )
         # Where densities differ, two levels with inner iterations are too few.
-        few = wide and particles.uniform("density")
-        self._plan(depth, min(solver.inner_levels, _INNER_ON_DEVICE) if few else solver.inner_levels)
+        inner = solver.inner_levels
+        if wide and particles.uniform("density"):
+            inner = min(inner, _INNER_ON_DEVICE[int(kernels.host(self._table)[3]) >= _LARGE_ON_DEVICE])
+        self._plan(depth, inner)
         if alone:
             cycle.solve_in_one_thread(system.symmetric, system.entries)(
                 level, self._coarse, self._table, self._operations, self._length, *vectors, self._image, self._partial,
@@ -244,7 +248,7 @@ class _Workspace:
             **{n: kernels.array(kernels.i32, self._cells + 2) for n in ("begin", "cursor", "base")},
             **{n: kernels.array(kernels.i32, capacity) for n in ("order", "label")},
             marker=kernels.array(kernels.i32, max(aggregation.stretches(self._rows) * self._rows, 1)),
-            sums=kernels.array(kernels.i32, lanes.room_for_scan()),
+            sums=kernels.array(kernels.i32, lanes.room_for_scan(max(self._cells + 2, self._parts))),
             counts=kernels.array(kernels.i32, self._parts),
         )
 
