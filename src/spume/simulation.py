@@ -107,7 +107,7 @@ class Simulation:
         if finding is not None:
             raise self._diverged(finding)
         try:
-            figures = self.step(domain, clock.time, dt)
+            figures = self.step(domain, clock.time, dt, clock.dt)
         except NotConverged as error:
             raise self._diverged(not_solved(error, domain, clock), dt) from error
         except TooManyNeighbours as error:

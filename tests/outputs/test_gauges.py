@@ -109,6 +109,19 @@ def test_elevation_is_half_a_spacing_above_the_top_centres(width, x):
         assert answer[column] == pytest.approx(0.5, abs=0.03 * L0), column
 
 
+@pytest.mark.parametrize("x", [0.0, 0.5, 1.0, 2.0, 4.3])
+@pytest.mark.parametrize("beside_wall", [0.45, 0.5, 0.55])
+@pytest.mark.parametrize("stretch", [0.9, 1.0, 1.1])
+def test_elevation_of_a_stretched_arrangement_beside_a_wall(stretch, beside_wall, x):
+    """Columns apart by the stretch, rows by its inverse; the first column nearer to the wall or further away."""
+    rows = tank(L0, 20 * L0, 12 * L0, 20 * L0)
+    fluid = rows["kind"] == 1
+    index = rows["position"][fluid] / L0 - 0.5
+    rows["position"][fluid] = L0 * np.stack([beside_wall + stretch * index[:, 0], (index[:, 1] + 0.5) / stretch], -1)
+    top = Elevation(name="h", at=(x * L0,)).measure(snapshot_of(rows, L0))["elevation"]
+    assert top == pytest.approx(12 / stretch * L0, abs=0.012 * L0)
+
+
 @pytest.mark.parametrize("layers", [1, 2, 3])
 def test_elevation_of_a_thin_layer_over_a_floor(layers):
     answer = Elevation(name="h", at=(0.5,)).measure(snapshot_of(still(depth=layers * L0), L0))

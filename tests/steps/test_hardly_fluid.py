@@ -35,7 +35,7 @@ def two_rows(device, apart):
 def test_a_row_in_a_wall_and_another_that_hardly_touches_it(device, apart):
     """Their one connection is weak, what the wall asks for is not: the pressure that gave it was 1e7 Pa."""
     simulation = two_rows(device, apart)
-    simulation.step(simulation.domain, 0.0, 9.1e-4)
+    simulation.step(simulation.domain, 0.0, 9.1e-4, 9.1e-4)
     assert np.linalg.norm(tanks.by_id(simulation, "velocity"), axis=1).max() < 2.2
     assert np.abs(tanks.by_id(simulation, "pressure")).max() < 0.5 * 1000.0 * 2.15**2
 

@@ -25,8 +25,8 @@ def spread(a, b, r, w, scale, mirror, floor):  # type: ignore[no-untyped-def]
 
 
 @row_term(reads=("source", "predicted_gradient", "surface_share"))
-def less_turning(a):  # type: ignore[no-untyped-def]
-    return a.source - 0.5 * (1.0 - a.surface_share) * (a.predicted_gradient @ a.predicted_gradient).trace()
+def less_turning(a, share):  # type: ignore[no-untyped-def]
+    return a.source - 0.5 * share * (1.0 - a.surface_share) * (a.predicted_gradient @ a.predicted_gradient).trace()
 
 
 def velocity_gradient(
@@ -57,13 +57,19 @@ def velocity_gradient_sum(
     )  # fmt: skip
 
 
-def keep_volume(operator: Operator, lattice: Lattice, particles: Particles, pairs: Pairs, mirror: bool) -> None:
+def keep_volume(
+    operator: Operator, lattice: Lattice, particles: Particles, pairs: Pairs, mirror: bool, share: float = 1.0
+) -> None:
     """Take 1/2 tr((grad u)^2) off ``source``, so that a step keeps the volume to second order.
 
     r + dt u has the volume det(I + dt grad u) = 1 + dt div u - dt^2/2 tr((grad u)^2) + ... with div u = O(dt): it stays
     where div u^(k+1) = dt/2 tr((grad u)^2), not where div u^(k+1) = 0. The same term makes the projection one of
     second order: with div u^(k+1) = 0 at r^k each step takes dt^2 |grad P/rho|^2/2 off the kinetic energy, and a
     particle on a circle spirals out. It fades out towards the free surface. (This project.)
+
+    Args:
+        operator: see `velocity_gradient`, as for ``mirror``.
+        share: dt divided by the time over which the source makes up for the divergence.
     """
     velocity_gradient(operator, lattice, particles, pairs, mirror)
-    row_map(less_turning, particles, out="source", rows=FLUID)
+    row_map(less_turning, particles, out="source", rows=FLUID, arguments=(share,))

@@ -152,8 +152,8 @@ class Step(Scheme, family="step"):
     """Part of the limit courant sqrt(l0/|a|) of the time step up to which a fluid at rest stays at rest."""
     fields: ClassVar[tuple[Field, ...]] = (*SYSTEM_FIELDS, CLIPPED, *RELATIVE_MOTION, *Corrected.needs)
 
-    def __call__(self, domain: Domain, t: float, dt: float) -> dict[str, float]:
-        """Advance the domain from t to t + dt; return figures of the step.
+    def __call__(self, domain: Domain, t: float, dt: float, before: float) -> dict[str, float]:
+        """Advance the domain from t to t + dt; return figures of the step. ``before``: the step before [s], 0 at first.
 
         They are the largest ``acceleration`` [m/s^2] without the pressure's, which limits the next time step, and what
         logs count: iterations, residual, uses of limiters.
@@ -281,8 +281,13 @@ def surface_pressure(step: Projection, domain: Domain, t: float) -> float:
     return 0.5 * domain.density * g * domain.lattice.spacing
 
 
-def solve_pressure(step: Projection, domain: Domain, surface_pressure: float, dt: float) -> dict[str, float]:
+def solve_pressure(step: Projection, domain: Domain, surface_pressure: float, dt2: float) -> dict[str, float]:
     """Assemble and solve the pressure Poisson equation; return iterations and residual.
+
+    Args:
+        step, domain: of the equation.
+        surface_pressure: see the function of that name.
+        dt2: time [s] that the pressure acts, times that over which rows then move [s^2].
 
     Raises:
         NotConverged: see ``Solver``.
@@ -297,11 +302,11 @@ def solve_pressure(step: Projection, domain: Domain, surface_pressure: float, dt
         step.free_surface.draw(domain.lattice, particles, step.laplacian, step.number_density)
         row_map(known_or_guess, particles, out="pressure", rows=ANY)
         if step.source.compressibility > 0.0:
-            _compress(step.source, particles, dt)
+            _compress(step.source, particles, dt2)
         system.assemble(step.laplacian, domain.lattice, particles, domain.pairs, over=step.wall_model.carriers)
         floating = domain.components.project(system, particles)
     with domain.stages("solve"):
-        system.negligible = step.solver.volume_error / dt**2
+        system.negligible = step.solver.volume_error / dt2
         solution = step.solver(system, particles)
         domain.components.centre(floating, particles)
     figures: dict[str, float] = {
@@ -315,9 +320,9 @@ def solve_pressure(step: Projection, domain: Domain, surface_pressure: float, dt
     return figures
 
 
-def _compress(source: Source, particles: Particles, dt: float) -> None:
+def _compress(source: Source, particles: Particles, dt2: float) -> None:
     """Draw every row to its pressure before, or to zero, with the weight alpha_c/dt^2: see ``compressibility``."""
-    stiffness, kept = source.compressibility / dt**2, 0.0 if source.of_volume else 1.0
+    stiffness, kept = source.compressibility / dt2, 0.0 if source.of_volume else 1.0
     row_map(drawn_between, particles, out="surface_value", rows=FLUID | WALL, arguments=(stiffness, kept))
     row_map(stiffened, particles, out="surface_diagonal", rows=FLUID | WALL, arguments=(stiffness,))
 

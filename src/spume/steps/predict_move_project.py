@@ -56,7 +56,7 @@ class PredictMoveProject(Projection, name="predict-move-project"):
     shifting: Shifting = Unshifted()
     """Particle shifting."""
 
-    def __call__(self, domain: Domain, t: float, dt: float) -> dict[str, float]:
+    def __call__(self, domain: Domain, t: float, dt: float, before: float) -> dict[str, float]:
         """Advance the domain from t to t + dt: predict, move, project."""
         lattice, particles, pairs, bodies = domain.lattice, domain.particles, domain.pairs, domain.bodies
         for body in bodies:
@@ -88,7 +88,7 @@ class PredictMoveProject(Projection, name="predict-move-project"):
             self.free_surface(lattice, particles, pairs, self.number_density)
             self.wall_model.neumann(particles, dt)
             self.source(lattice, particles, pairs, dt, self.divergence, self.number_density, self.wall_model.mirror)
-        figures = solve_pressure(self, domain, outside, dt)
+        figures = solve_pressure(self, domain, outside, dt * dt)
         with domain.stages("correction"):
             self.wall_model.extrapolate(lattice, particles, pairs)
             view = self.wall_model.view(dt)

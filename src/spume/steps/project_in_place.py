@@ -37,11 +37,14 @@ from spume.steps.base import (
 
 
 class ProjectInPlace(Projection, name="project-in-place"):
-    """Forces, projection at r^k, then r += dt u^(k+1).
+    """u += tau a with the forces and the pressure at r^k, then r += dt u^(k+1).
 
-    All sums are taken at the positions of the start. For an oscillation this is the symplectic Euler
-    scheme: its amplitude neither decays nor grows, where r += dt (u^k + u^(k+1))/2 with the same pressure
-    would gain pi^2 dt/T a period and a pressure at moved positions would lose 2 pi^2 dt/T.
+    All sums are taken at the positions of the start. The velocity with which rows move over a step is that of its
+    middle, so forces act from the middle of the step before to the middle of this one: tau = (dt_before + dt)/2,
+    and dt/2 in the first step, which starts from the velocity at its start (leapfrog).
+    With tau = dt there everything would happen half a step early. The amplitude of an oscillation neither decays nor
+    grows, where r += dt (u^k + u^(k+1))/2 with the same pressure would gain pi^2 dt/T a period and a pressure at
+    moved positions would lose 2 pi^2 dt/T.
     """
 
     ids: ClassVar = ("A1",)
@@ -68,42 +71,43 @@ class ProjectInPlace(Projection, name="project-in-place"):
     volume_order: Literal[1, 2] = 2
     """Order in dt to which a step keeps the volume: 1 makes div u zero, 2 what it leaves of it as well [1]."""
 
-    def __call__(self, domain: Domain, t: float, dt: float) -> dict[str, float]:
+    def __call__(self, domain: Domain, t: float, dt: float, before: float) -> dict[str, float]:
         """Advance the domain from t to t + dt: forces, project, move."""
         lattice, particles, pairs, bodies = domain.lattice, domain.particles, domain.pairs, domain.bodies
+        tau = 0.5 * (before + dt)
         for body in bodies:
             body.prescribe(particles, t, dt)
 
         with domain.stages("search"):
             removed = pairs.update(particles)
         with domain.stages("forces"):
-            accelerate(domain, t, dt)
+            accelerate(domain, t, tau)
             self.wall_model.show_slip(lattice, particles, pairs)
             viscous = self.viscosity.as_sums(lattice)
             sum_at_start(self, domain, viscous)
             if not viscous:
-                self.viscosity(lattice, particles, pairs, dt)
+                self.viscosity(lattice, particles, pairs, tau)
             self.number_density(lattice, particles, pairs)
             self.wall_model.count_fluid(lattice, particles, pairs)
             self.free_surface(lattice, particles, pairs, self.number_density)
             self.source.remember(lattice, particles, pairs, self.number_density, self.wall_model.mirror)
             for body in bodies:
-                body.force(particles, pairs, dt)
-            row_map(accelerated, particles, out="velocity", rows=self.wall_model.predicted, arguments=(dt,))
+                body.force(particles, pairs, tau)
+            row_map(accelerated, particles, out="velocity", rows=self.wall_model.predicted, arguments=(tau,))
             acceleration = particles.largest_norm("acceleration")
 
         outside = surface_pressure(self, domain, t)
         with domain.stages("source"):
-            self.wall_model.neumann(particles, dt)
-            self.source(lattice, particles, pairs, dt, self.divergence, self.number_density, self.wall_model.mirror)
+            self.wall_model.neumann(particles, tau)
+            self.source(lattice, particles, pairs, tau, self.divergence, self.number_density, self.wall_model.mirror)
             if self.volume_order == 2:
-                keep_volume(self.divergence, lattice, particles, pairs, self.wall_model.mirror)
-        figures = solve_pressure(self, domain, outside, dt)
+                keep_volume(self.divergence, lattice, particles, pairs, self.wall_model.mirror, dt / tau)
+        figures = solve_pressure(self, domain, outside, dt * tau)
         with domain.stages("correction"):
             self.wall_model.extrapolate(lattice, particles, pairs)
-            view = self.wall_model.view(dt)
-            self.gradient(lattice, particles, pairs, over=self.wall_model.carriers, view=view, dt=dt, moved=False)
-            maps = (RowMap(corrected, "velocity", arguments=(dt,)), RowMap(moved, "position", arguments=(dt,)))
+            view = self.wall_model.view(tau)
+            self.gradient(lattice, particles, pairs, over=self.wall_model.carriers, view=view, dt=tau, moved=False)
+            maps = (RowMap(corrected, "velocity", arguments=(tau,)), RowMap(moved, "position", arguments=(dt,)))
             row_maps(maps, particles)
             self.wall_model.rest(particles)
             for body in bodies:

@@ -108,7 +108,7 @@ class WeaklyCompressible(Step, name="weakly-compressible"):
         c0 = domain.particles.smallest("speed_of_sound", FLUID)
         return self.acoustic_courant * domain.lattice.spacing / (c0 + speed)
 
-    def __call__(self, domain: Domain, t: float, dt: float) -> dict[str, float]:
+    def __call__(self, domain: Domain, t: float, dt: float, before: float) -> dict[str, float]:
         """Advance the domain from t to t + dt: forces, pressure, velocity, density, position."""
         lattice, particles, pairs, bodies = domain.lattice, domain.particles, domain.pairs, domain.bodies
         # Where walls do not extrapolate, wall rows have a density of their own.

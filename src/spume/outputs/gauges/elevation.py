@@ -13,19 +13,24 @@ from spume.outputs.snapshot import FLUID, Snapshot
 
 _RADIUS = 2.5  # of the smoothing kernel [l0]: a single drop stays below one half everywhere
 _STEPS = 8  # heights tried per l0
+_BELOW = 2.5, 4.5  # where a surface compares itself with the fluid below it [l0]
+_DENSEST = 1.25  # of that fluid, and the inverse of the thinnest
 
 
 class Elevation(Riding, name="elevation"):
     """Elevation of the free surface on a line against gravity.
 
-    The surface is where the filled fraction of space is one half,
+    The surface is where the filled fraction of space falls to half of what it is below,
 
-        χ(x) = (Σ_fluid W + Σ_floor W) l0^d / (1 − Σ_sides W l0^d) = 1/2,
+        χ(x) = (Σ_fluid W + Σ_floor W) l0^d / (1 − Σ_sides W l0^d) = χ_below/2,
 
-    W the Wendland C2 kernel of radius 2.5 l0. On a lattice this is the plane l0/2 above the outermost
-    centres. Solid rows below the water (their wetted side looks up) count as filled, so that a thin
-    layer is seen; those beside and above it count as space that is not there, so that a gauge may
-    stand at a wall. A single drop fills less than half of the kernel anywhere and is not seen.
+    W the Wendland C2 kernel of radius 2.5 l0, χ_below the mean of χ from 2.5 to 4.5 l0 below χ = 1/2 as far as
+    there is fluid, and 1 where there is none. χ_below differs from 1 by the arrangement alone: rows beside a
+    wall that are nearer to it than half a row by 0.05 l0 would lift the surface χ = 1/2 by 0.05 l0. On a
+    lattice, stretched or not, the surface is the plane half a row above the outermost centres, to 0.01 l0.
+    Solid rows below the water (their wetted side looks up) count as filled, so that a thin layer is seen; those
+    beside and above it count as space that is not there, so that a gauge may stand at a wall. A single drop
+    fills less than half of the kernel anywhere and is not seen.
 
     Three answers, which agree for a plain surface:
 
@@ -91,8 +96,8 @@ class Elevation(Riding, name="elevation"):
         everything = (base + fraction(fluid)) / (1.0 - sides)
         in_main = main_body(snapshot)[near] & fluid
         main = (base + fraction(in_main)) / (1.0 - sides)
-        tops, length = _surfaces(z, everything)
-        main_tops, _ = _surfaces(z, main)
+        tops, length = _surfaces(z, everything, l0)
+        main_tops, _ = _surfaces(z, main, l0)
         if len(tops) == 0:
             return nothing
         bed = z[0]
@@ -115,8 +120,8 @@ def _wendland(r: NDArray[np.float64], radius: float, d: int) -> NDArray[np.float
     return norm * (1.0 - q) ** 4 * (4.0 * q + 1.0)
 
 
-def _surfaces(z: NDArray[np.float64], chi: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Return the heights at which the filled fraction falls through one half, and the filled length."""
+def _surfaces(z: NDArray[np.float64], chi: NDArray[np.float64], spacing: float) -> tuple[NDArray[np.float64], float]:
+    """Return the heights at which the filled fraction falls to half of what it is below, and the filled length."""
     full = chi >= 0.5
     down = np.flatnonzero(full[:-1] & ~full[1:])
     up = np.flatnonzero(~full[:-1] & full[1:])
@@ -125,7 +130,25 @@ def _surfaces(z: NDArray[np.float64], chi: NDArray[np.float64]) -> tuple[NDArray
         share = (chi[i] - 0.5) / (chi[i] - chi[i + 1])
         return z[i] + share * (z[i + 1] - z[i])
 
-    tops, bottoms = crossing(down), crossing(up)
+    bottoms = crossing(up)
+    tops = np.array([_top(z, chi, i, top, spacing) for i, top in zip(down, crossing(down), strict=True)])
     start = z[0] if full[0] else 0.0
     length = float(np.sum(tops) - np.sum(bottoms) - start) if len(tops) else 0.0
     return tops, length
+
+
+def _top(z: NDArray[np.float64], chi: NDArray[np.float64], i: int, top: float, spacing: float) -> float:
+    """Return where the filled fraction, one half at ``top`` behind z[i], is half of that of the fluid below."""
+    gaps = np.flatnonzero(chi[: i + 1] < 0.5)
+    bed = z[gaps[-1]] + _BELOW[0] * spacing if len(gaps) else z[0]
+    below = chi[: i + 1][
+        (z[: i + 1] >= max(top - _BELOW[1] * spacing, bed)) & (z[: i + 1] <= top - _BELOW[0] * spacing)
+    ]
+    if len(below) == 0:
+        return top
+    level = 0.5 * min(max(float(np.mean(below)), 1.0 / _DENSEST), _DENSEST)
+    while i > 0 and chi[i] < level:
+        i -= 1
+    while i + 2 < len(z) and chi[i + 1] >= level:
+        i += 1
+    return float(z[i] + (chi[i] - level) / (chi[i] - chi[i + 1]) * (z[i + 1] - z[i]))
