@@ -230,6 +230,27 @@ def test_a_list_that_just_fits_is_whole(seed):
     assert lists(particles, pairs) == whole
 
 
+@pytest.mark.parametrize("wide", ["", "1"])
+def test_the_order_of_a_list_does_not_depend_on_the_room_for_it(wide, monkeypatch, device):
+    """A run that goes on from a checkpoint may have more room or less; its sums must be the same bits."""
+    monkeypatch.setenv("SPUME_WIDE", wide)
+    kernels.initialize(device, 1, "double")
+    rng = np.random.default_rng(3)
+    kind = rng.choice([FLUID, WALL, DUMMY], 200)
+    _, particles, pairs = table(rng.uniform(0.0, 1.5, (200, 2)), kind=kind)
+    storage, found = pairs.list._storage, []
+    longest = int(pairs.list.length.to_numpy()[: particles.active].max())
+    for room in (longest, longest + 1, longest + 7, 3 * longest):
+        storage.slots_per_block = room * storage.rows_per_block
+        storage.blocks = 0
+        pairs.list.build(particles)
+        start, length = (a.to_numpy()[: particles.active] for a in (pairs.list.start, pairs.list.length))
+        neighbour = pairs.list.chunks[0].neighbour.to_numpy()
+        found.append(neighbour[lanes.slots(start, length)].tolist())
+    assert len(found[0]) > 1000
+    assert all(order == found[0] for order in found)
+
+
 @few
 @given(axes=st.integers(0, 7), d=st.sampled_from([2, 3]), seed=st.integers(0, 2**32))
 def test_only_solid_rows_far_from_all_fluid_are_dry(axes, d, seed):

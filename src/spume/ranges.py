@@ -202,10 +202,13 @@ def _note_by_row(walk: list[str]) -> list[str]:
 
 
 def _close_by_row() -> list[str]:
-    """Return the statements that close the gap between fluid and solid neighbours: as few of these move as fill it."""
+    """Return the statements that close the gap between fluid and solid neighbours.
+
+    All of the latter move, so that their order does not depend on how many slots there are.
+    """
     stride = lanes.stride()
     return [
         "fluid[i] = qd.min(used, slots) - solid",
-        "for k in range(qd.min(solid, slots - qd.min(used, slots))):",
-        f"    neighbour[base_slot + (fluid[i] + k) * {stride}] = neighbour[base_slot + (slots - 1 - k) * {stride}]",
+        "for k in range(qd.select(used < slots, solid, 0)):",
+        f"    neighbour[base_slot + (fluid[i] + k) * {stride}] = neighbour[base_slot + (slots - solid + k) * {stride}]",
     ]

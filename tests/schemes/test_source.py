@@ -247,6 +247,6 @@ def test_relative_compressibility(device, step, source, kept):
     for name, value in (("fluid_neighbours", 9), ("pressure", before), ("number_density", n0 * (1.0 + crowding))):
         particles.set(name, np.full(particles.count, value))
     step.source(lattice, particles, pairs, dt, step.divergence, step.number_density, False)
-    solve_pressure(step, domain, 0.0, dt)
+    solve_pressure(step, domain, 0.0, dt * dt)
     corrected = crowding if source is Density else 0.05 * crowding
     assert particles.numpy("pressure") == pytest.approx(kept * before + corrected / alpha, rel=1e-6)
