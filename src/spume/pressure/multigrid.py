@@ -19,10 +19,8 @@ ROOM = (1 / 3, 5.0)
 """Rows of all coarse levels, and their entries, per particle that there is room for at first (it grows)."""
 
 
-_INNER_ON_DEVICE = (2, 3)
-"""Levels with inner iterations on wide devices, where each more doubles the launches of all below it: in general,"""
-_LARGE_ON_DEVICE = 700_000
-"""and where the first coarse level has at least this many rows, so that launches count less than iterations."""
+_INNER_ON_DEVICE = 2
+"""Levels with inner iterations on wide devices, where each more doubles the launches of all below it, and the graph."""
 
 _ROOM_ON_DEVICE = (1 / 5, 0.0)
 _ROOM_OF_ROW = 40
@@ -115,10 +113,8 @@ class _Workspace:
                 self._slots * (2 if lacking & aggregation.TOO_FEW_SLOTS else 1),
             )
         # Where densities differ, two levels with inner iterations are too few.
-        inner = solver.inner_levels
-        if wide and particles.uniform("density"):
-            inner = min(inner, _INNER_ON_DEVICE[int(kernels.host(self._table)[3]) >= _LARGE_ON_DEVICE])
-        self._plan(depth, inner)
+        few = wide and particles.uniform("density")
+        self._plan(depth, min(solver.inner_levels, _INNER_ON_DEVICE) if few else solver.inner_levels)
         if alone:
             cycle.solve_in_one_thread(system.symmetric, system.entries)(
                 level, self._coarse, self._table, self._operations, self._length, *vectors, self._image, self._partial,
