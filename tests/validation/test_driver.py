@@ -61,3 +61,19 @@ def test_results_hold_metrics_budgets_and_verdicts(done):
     found = budgets(Folder(task.folder))
     assert found["momentum, largest change / sqrt(2 m E)"] > 0.0, "the plate drags the liquid"
     assert abs(found["volume, last change"]) < 0.01
+
+
+def test_repetitions_are_runs_of_their_own_and_judged_by_their_mean():
+    once, twice, thrice = Run("dam-break", 30).repeated(3)
+    coarse = Run("dam-break", 10)
+    assert [run.name for run in (once, twice, thrice)] == ["30", "30-repeat-1", "30-repeat-2"]
+    cases = [load(run.case, driver.settings_of(run)) for run in (once, twice, thrice)]
+    tolerances = [case.step.solver.tolerance for case in cases]
+    assert tolerances == pytest.approx([1e-5, 1.1e-5, 1.2e-5])
+    assert len({case.to_toml() for case in cases}) == 3
+    values = {coarse: 9.0, once: 1.0, twice: 2.0, thrice: 6.0}
+    measured = {run: Measured({"error": value}) for run, value in values.items()}
+    study = Study("0", "t", "n", "r", tuple(values), (), measure, (), orders=("error",))
+    found = driver.verdict(Bar("error", 2.5), measured, {}, quick=False)
+    assert (found.reached, found.cells, found.runs, found.word) == (3.0, 30, 3, "MISSED")
+    assert driver.observed_orders(study, measured) == {("", "error"): pytest.approx(1.0)}

@@ -45,12 +45,14 @@ class Verdict:
         reached: the value; NaN where no run gave one.
         cells: resolution of the run that gave it.
         quick: whether the limits are those of the quick runs.
+        runs: of how many runs it is the mean.
     """
 
     bar: Bar
     reached: float
     cells: int
     quick: bool
+    runs: int = 1
 
     @property
     def limits(self) -> tuple[float, float]:
@@ -217,6 +219,7 @@ def judge(study: Study, tasks: Sequence[Task], quick: bool) -> tuple[dict[str, A
             "case": task.run.case,
             "series": task.run.series,
             "cells": task.run.cells,
+            "repeat": task.run.repeat,
             "settings": list(task.run.settings),
             **{key: numbers.get(key) for key in _NUMBERS},
         }
@@ -244,6 +247,7 @@ def judge(study: Study, tasks: Sequence[Task], quick: bool) -> tuple[dict[str, A
                 "upper": v.limits[1],
                 "cells": v.cells,
                 "meant for cells": v.bar.cells,
+                "mean of runs": v.runs,
                 "reached": v.reached,
                 "verdict": v.word,
             }
@@ -266,23 +270,29 @@ def observed_orders(study: Study, measured: dict[Run, Measured]) -> dict[tuple[s
     found = {}
     for series in dict.fromkeys(run.series for run in measured):
         runs = [run for run in measured if run.series == series]
+        sizes = list(dict.fromkeys(run.cells for run in runs))
         for metric in study.orders:
-            errors = [abs(measured[run].metrics.get(metric, math.nan)) for run in runs]
-            found[series, metric] = order([run.cells for run in runs], errors)
+            errors = [abs(mean_of(metric, [measured[run] for run in runs if run.cells == size])) for size in sizes]
+            found[series, metric] = order(sizes, errors)
     return found
 
 
 def verdict(bar: Bar, measured: dict[Run, Measured], orders: dict[tuple[str, str], float], quick: bool) -> Verdict:
-    """Return a bar beside what the finest run of its series reached."""
+    """Return a bar beside what the finest run of its series reached, or its repetitions in the mean."""
     runs = sorted((run for run in measured if run.series == bar.series), key=lambda run: run.cells)
     if not runs:
         return Verdict(bar, math.nan, 0, quick)
-    finest = runs[-1]
+    finest = [run for run in runs if run.cells == runs[-1].cells]
     if bar.metric.startswith("order: "):
         reached = orders.get((bar.series, bar.metric.removeprefix("order: ")), math.nan)
     else:
-        reached = measured[finest].metrics.get(bar.metric, math.nan)
-    return Verdict(bar, float(reached), finest.cells, quick)
+        reached = mean_of(bar.metric, [measured[run] for run in finest])
+    return Verdict(bar, float(reached), runs[-1].cells, quick, len(finest))
+
+
+def mean_of(metric: str, measured: Sequence[Measured]) -> float:
+    """Return the mean of a metric over repetitions of a run; NaN where one lacks it."""
+    return sum(m.metrics.get(metric, math.nan) for m in measured) / len(measured)
 
 
 def finite(value: Any) -> Any:

@@ -31,10 +31,15 @@ def figure(study: Study, measured: Mapping[Run, Measured], path: Path) -> None:
     for axis in axes.ravel()[len(panels) :]:
         axis.set_visible(False)
     for axis, (name, panel) in zip(axes.ravel(), panels.items(), strict=False):
+        kinds = list(dict.fromkeys((run.series, run.cells) for run in measured))
         for run, result in measured.items():
             if name in result.curves:
                 label = f"{run.series + ', ' if run.series else ''}{study.length} = {run.cells}"
-                axis.plot(*result.curves[name], lw=1.0, label=label)
+                colour = f"C{kinds.index((run.series, run.cells)) % 10}"
+                if run.repeat:
+                    axis.plot(*result.curves[name], colour, lw=0.5, alpha=0.5, zorder=1.5)
+                else:
+                    axis.plot(*result.curves[name], colour, lw=1.0, label=label)
         for label, curve in (panel.reference() if panel.reference else {}).items():
             if label.endswith(_POINTS):
                 axis.plot(*curve, "ko", ms=3.5, label=label.removesuffix(_POINTS))
@@ -88,6 +93,10 @@ def _lines(every: list[dict[str, Any]], out: Path) -> list[str]:
     return lines
 
 
+def _again(run: dict[str, Any]) -> str:
+    return f" ({run['repeat'] + 1})" if run.get("repeat") else ""
+
+
 def _series(entry: dict[str, Any]) -> str:
     return f"{entry['series']}: " if entry["series"] else ""
 
@@ -96,6 +105,8 @@ def _bar_row(results: dict[str, Any], bar: dict[str, Any]) -> str:
     at = f"{results['length']} = {bar['cells']}" if bar["cells"] else "–"
     if bar["meant for cells"] > bar["cells"]:
         at += f" (meant for {bar['meant for cells']})"
+    if bar.get("mean of runs", 1) > 1:
+        at += f", mean of {bar['mean of runs']}"
     word = bar["verdict"] if bar["verdict"] != "MISSED" else "**MISSED**"
     word += " (limit of the quick runs, not the bar)" if results["quick"] and word != "not judged" else ""
     name = f"{results['number']} {results['case']}"
@@ -131,7 +142,7 @@ def _runs(results: dict[str, Any]) -> list[str]:
     runs = [run for run in results["runs"] if run["status"] == "finished"]
     if not runs:
         return []
-    heads = [f"{_series(run)}{results['length']} = {run['cells']}" for run in runs]
+    heads = [f"{_series(run)}{results['length']} = {run['cells']}{_again(run)}" for run in runs]
     lines = ["| | " + " | ".join(heads) + " |", "|---|" + "---|" * len(runs)]
 
     def row(name: str, values: list[Any]) -> None:

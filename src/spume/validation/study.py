@@ -8,7 +8,7 @@ import os
 import pkgutil
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -37,18 +37,32 @@ class Run:
         cells: resolution, the study's length over l0.
         settings: keys replaced, as for ``--set``; the spacing belongs to them.
         series: what is the same in runs that differ in resolution only, such as ``Re 100``.
+        repeat: number of a repetition, which differs from the others in the last digits of the pressure alone.
     """
 
     case: str
     cells: int
     settings: tuple[str, ...] = ()
     series: str = ""
+    repeat: int = 0
 
     @property
     def name(self) -> str:
         """Name of the run and of its folder."""
         words = re.findall(r"[a-z0-9.]+", f"{self.series} {self.cells}".lower())
-        return "-".join(words)
+        return "-".join([*words, *([f"repeat-{self.repeat}"] if self.repeat else [])])
+
+    def repeated(self, times: int) -> tuple[Run, ...]:
+        """Return this run and its repetitions, ``times`` in all: flows that are chaotic are judged by their mean.
+
+        A repetition's tolerance of the pressure is a part in ten smaller or larger than that of the one before.
+        """
+        tolerance = "step.solver.tolerance={:.3g}".format
+        more = [
+            replace(self, settings=(*self.settings, tolerance(1e-5 * (1.0 + 0.1 * k))), repeat=k)
+            for k in range(1, times)
+        ]
+        return (self, *more)
 
 
 @dataclass(frozen=True)
@@ -71,7 +85,7 @@ class Bar:
     Attributes:
         metric: quantity of `Measured.metrics`; ``order: <quantity>`` is its observed order of convergence.
         upper, lower: limits of the value.
-        series: runs that are judged; the one with most particles counts.
+        series: runs that are judged; the one with most particles counts, or the mean of its repetitions.
         cells: resolution for which the bar is meant.
         quick: limits (lower, upper) that the coarse runs of ``--quick`` must hold; None judges nothing there.
     """
@@ -137,8 +151,6 @@ class Study:
 
 def studies() -> dict[str, Study]:
     """Return every study by its name, in the order of their numbers."""
-    from dataclasses import replace
-
     from spume.validation import cases
 
     found = []

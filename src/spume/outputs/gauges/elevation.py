@@ -131,7 +131,7 @@ def _surfaces(z: NDArray[np.float64], chi: NDArray[np.float64], spacing: float) 
         return z[i] + share * (z[i + 1] - z[i])
 
     bottoms = crossing(up)
-    tops = np.array([_top(z, chi, i, top, spacing) for i, top in zip(down, crossing(down), strict=True)])
+    tops = np.array([_top(z, chi, int(i), top, spacing) for i, top in zip(down, crossing(down), strict=True)])
     start = z[0] if full[0] else 0.0
     length = float(np.sum(tops) - np.sum(bottoms) - start) if len(tops) else 0.0
     return tops, length
