@@ -1,12 +1,12 @@
 """Cost of the neighbour search: sort and list of 1 million particles in 3D, re = 2.1 l0.
 
-    python benchmarks/neighbour_list.py [threads ...]
+    python benchmarks/neighbour_list.py [--threads 1 2]
 
 Prints microseconds per particle as medians of 7 builds, the bytes that a build must move at least, and the
 bandwidth of a copy measured in the same run.
 """
 
-import sys
+import argparse
 import time
 from statistics import median
 
@@ -44,8 +44,10 @@ def build_times(n: int, threads: int, skin: float) -> tuple[list[float], float, 
 
 def main() -> None:
     """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--threads", type=int, nargs="*", default=[1, 2])
     n = 100
-    for threads in [int(a) for a in sys.argv[1:]] or [1, 2]:
+    for threads in parser.parse_args().threads:
         for skin in (0.0, 0.1):
             times, copy, pairs = build_times(n, threads, skin)
             neighbours = float(np.mean(pairs.list.length.to_numpy()[: n**3]))

@@ -1,11 +1,12 @@
 """Wall time from the command to the first step, with an empty and with a filled cache of compiled kernels.
 
-python benchmarks/start_up.py [warm starts [cold starts]]
+    python benchmarks/start_up.py [--warm 5] [--cold 1]
 
 Each start is a process of its own that does what ``spume run hydrostatic --set spacing=0.1 --set time.end=0.01`` does
 and ends after the first step. Cold: an empty folder for SPUME_CACHE. Warm: the folder that a cold start filled.
 """
 
+import argparse
 import json
 import os
 import subprocess
@@ -86,15 +87,17 @@ def show(name: str, starts: list[list[float]]) -> None:
 
 def main() -> None:
     """Start cold, then warm, and print where the time goes."""
-    warm = int(sys.argv[1]) if len(sys.argv) > 1 else 5
-    cold = int(sys.argv[2]) if len(sys.argv) > 2 else 1
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--warm", type=int, default=5, help="starts with a filled cache")
+    parser.add_argument("--cold", type=int, default=1, help="starts with an empty one")
+    asked = parser.parse_args()
     starts = []
     with tempfile.TemporaryDirectory() as folder:
-        for number in range(cold):
+        for number in range(asked.cold):
             cache = Path(folder) / str(number)
             starts.append(start(cache))
         show("cold", starts)
-        show("warm", [start(cache) for _ in range(warm)])
+        show("warm", [start(cache) for _ in range(asked.warm)])
 
 
 if __name__ == "__main__":

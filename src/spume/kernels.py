@@ -200,6 +200,11 @@ def spread(parts: int) -> int:
     return max(1, 512 * min(parts, 8 * runtime().threads) // parts)
 
 
+def default_device() -> str:
+    """Return the device that is taken where none is asked for: that of ``SPUME_DEVICE``, else ``cpu``."""
+    return os.environ.get("SPUME_DEVICE") or "cpu"
+
+
 def initialize(device: str | None = None, threads: int | None = None, precision: str = "double") -> Runtime:
     """Choose device, threads and precision; return what was chosen.
 
@@ -215,7 +220,7 @@ def initialize(device: str | None = None, threads: int | None = None, precision:
         DeviceError: unknown name, or a device that is not there.
     """
     global _runtime
-    device = device or os.environ.get("SPUME_DEVICE") or "cpu"
+    device = device or default_device()
     if device not in DEVICES:
         raise DeviceError(f"device = {device!r}: one of {', '.join(DEVICES)}")
     if precision not in PRECISIONS:

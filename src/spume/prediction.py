@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from spume import kernels
 from spume.case import Case
 from spume.particles import FLUID
 
@@ -48,7 +49,7 @@ def host_bytes_per_row(case: Case) -> int:
 
 def device_of(case: Case) -> str:
     """Return the device that a case is computed on: its own, that of SPUME_DEVICE, else ``cpu``."""
-    return case.device or os.environ.get("SPUME_DEVICE") or "cpu"
+    return case.device or kernels.default_device()
 
 
 @dataclass(frozen=True)
