@@ -55,12 +55,11 @@ class Run:
     def repeated(self, times: int) -> tuple[Run, ...]:
         """Return this run and its repetitions, ``times`` in all: flows that are chaotic are judged by their mean.
 
-        A repetition's tolerance of the pressure is a part in ten smaller or larger than that of the one before.
+        A repetition solves for the pressure a tenth less closely than the one before.
         """
-        tolerance = "step.solver.tolerance={:.3g}".format
+        closely = "step.solver.volume_error={:.3g}".format
         more = [
-            replace(self, settings=(*self.settings, tolerance(1e-5 * (1.0 + 0.1 * k))), repeat=k)
-            for k in range(1, times)
+            replace(self, settings=(*self.settings, closely(1e-6 * (1.0 + 0.1 * k))), repeat=k) for k in range(1, times)
         ]
         return (self, *more)
 
