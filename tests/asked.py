@@ -175,7 +175,7 @@ def step(scheme, cloud, share=None):
     """Return the rate of the relative density over one weakly compressible step."""
     before = density_at_start(cloud)
     rows = Rows(scheme, cloud, share, relative_density=before, speed_of_sound=np.full(len(cloud), SOUND))
-    scheme(Domain(*rows.handles, bodies=(), gravity=Constant(vector=(0.0,) * cloud.d)), 0.0, DT)
+    scheme(Domain(*rows.handles, bodies=(), gravity=Constant(vector=(0.0,) * cloud.d)), 0.0, DT, 0.0)
     return (rows.get("relative_density") - before) / DT
 
 
