@@ -71,6 +71,7 @@ def rows(record: dict[str, Any]) -> list[tuple[str, str, str, str]]:
         if "metric" in bar:  # of spume validate
             series = f"{bar['series']}: " if bar["series"] else ""
             at = f", {record['length']} = {bar['cells']}" if bar["cells"] else ""
+            at += f", mean of {bar['mean of runs']} runs" if bar.get("mean of runs", 1) > 1 else ""
             found.append(
                 (series + bar["metric"] + at, limits(bar["lower"], bar["upper"]), bar["reached"], bar["verdict"])
             )

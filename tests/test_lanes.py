@@ -43,10 +43,9 @@ def test_partial_sums_are_folded(wide, n):
     np.testing.assert_allclose(kernels.host(found), given.sum(axis=0), rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("long", [False, True])
 @pytest.mark.parametrize("n", [0, 1, 5, 32, 20_000, 1_000_003])
-def test_exclusive_sums(wide, n, long):
-    Rows, scan = kernels.array_type(kernels.i32), lanes.exclusive_sums(long=long)
+def test_exclusive_sums(wide, n):
+    Rows, scan = kernels.array_type(kernels.i32), lanes.exclusive_sums()
     given = np.random.default_rng(2).integers(0, 7, n + 1)
     counts, start, sums = (kernels.array(kernels.i32, m) for m in (n + 1, n + 2, lanes.room_for_scan(n)))
     values = kernels.host(counts)

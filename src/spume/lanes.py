@@ -57,19 +57,15 @@ def room_for_scan(n: int) -> int:
     """Return the size of the array in which `exclusive_sums` of n counts puts sums of parts."""
     if not kernels.runtime().wide:
         return _PARTS
-    return max(_behind_stages(n, _STAGES), _behind_stages(n, _LONG_STAGES), 1)
+    return max(sum(-(-n // step) for step in _STAGES), 1)
 
 
 _PARTS = 1 << 8
-_STAGES, _LONG_STAGES = (1 << 5, 1 << 10, 1 << 15), (1 << 4, 1 << 8, 1 << 13, 1 << 18)
-"""Counts whose sum a thread leaves in each stage of an exclusive sum on wide devices; in a long one fewer at first.
+_STAGES = (1 << 4, 1 << 8, 1 << 13, 1 << 18)
+"""Counts whose sum a thread leaves in each stage of an exclusive sum on wide devices.
 
 What a thread sums lies together. Many threads with many counts each would crowd each other out of the cache.
 """
-
-
-def _behind_stages(n: int, stages: tuple[int, ...]) -> int:
-    return sum(-(-n // step) for step in stages)
 
 
 @kernels.cached
@@ -152,17 +148,13 @@ def fold(width: int = 3) -> Any:
 
 
 @kernels.cached
-def exclusive_sums(serial: bool = False, long: bool = False) -> Any:
+def exclusive_sums(serial: bool = False) -> Any:
     """Return the function ``scan(counts, start, sums, n)`` of exclusive sums, made by many threads or by one.
 
     ``start[n]`` is their total; ``counts`` end up equal to ``start``, to serve as cursors. ``sums`` has
     `room_for_scan` numbers.
-
-    Args:
-        serial: leave it to one thread.
-        long: sum in more stages on wide devices: worth its launches from millions of counts on.
     """
-    return _sums_in_stages(_LONG_STAGES if long else _STAGES) if kernels.runtime().wide else _sums_by_parts(serial)
+    return _sums_in_stages() if kernels.runtime().wide else _sums_by_parts(serial)
 
 
 def _sums_by_parts(serial: bool) -> Any:
@@ -199,8 +191,8 @@ def _sums_by_parts(serial: bool) -> Any:
     return scan
 
 
-def _sums_in_stages(stages: tuple[int, ...]) -> Any:
-    qd, i32 = kernels.qd, kernels.i32
+def _sums_in_stages() -> Any:
+    qd, i32, stages = kernels.qd, kernels.i32, _STAGES
     Rows = kernels.array_type(i32)
     # Of each stage behind the first: the steps of the stages before it, its own, and how many sums it takes together.
     further = tuple((stages[:k], stages[k], stages[k] // stages[k - 1]) for k in range(1, len(stages)))

@@ -443,7 +443,7 @@ def _cell_kernel(d: int, periodic: tuple[bool, ...], serial: bool) -> Any:
 @kernels.cached
 def _scan_kernel(serial: bool) -> Any:
     _, Rows, _, _ = _types(2)
-    exclusive_sums = lanes.exclusive_sums(serial, long=True)
+    exclusive_sums = lanes.exclusive_sums(serial)
 
     @kernels.kernel
     def scan(counts: Rows, start: Rows, sums: Rows, n: kernels.i32):
