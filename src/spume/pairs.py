@@ -253,6 +253,21 @@ def pair_max(
     _reduce("max", sums, particles, pairs, fields, view)
 
 
+def pair_mark(where: str, particles: Particles, pairs: Pairs, *, out: str) -> None:
+    """Write 1 to the scalar field ``out`` of fluid rows where the field ``where`` is positive, and of their neighbours.
+
+    Other rows keep what they have. A sum to which only such rows contribute can leave out all rows without one near.
+    """
+    list_ = pairs.list
+    for chunk in list_.chunks:
+        _mark_kernel()(
+            particles["kind"], list_.start, list_.length, chunk.neighbour, particles[where], particles[out],
+            chunk.begin, chunk.end,
+        )  # fmt: skip
+    particles.written(out)
+    particles.traffic += particles.active * particles.row_bytes(("kind", where, out))
+
+
 def row_map(
     term: RowTerm,
     particles: Particles,
@@ -295,6 +310,10 @@ All components of a neighbour's vector are then loaded from one address.
 """
 
 
+_RARE = 0.3
+"""Part of the list's radius below which hardly a row has a neighbour: pairs are then counted before they are summed."""
+
+
 def _asked(
     terms: PairTerm | Sequence[PairTerm], out: str | Sequence[str], weight: Any, re: float, rows: int, over: int,
     arguments: Sequence[float],
@@ -317,6 +336,7 @@ class _Part:
     rows: int
     over: int
     n_arguments: int
+    rare: bool
 
 
 def _reduce(
@@ -334,10 +354,14 @@ def _reduce(
     behind = fields or {}
     signature = particles.signature((*reads, *outs), behind)
     radii = tuple(dict.fromkeys(s.re for s in sums))
-    parts = tuple(
-        _Part(s.terms, s.out, s.weight.function(), radii.index(s.re), s.rows, s.over, len(s.arguments)) for s in sums
-    )
     list_ = pairs.list
+    parts = tuple(
+        _Part(
+            s.terms, s.out, s.weight.function(), radii.index(s.re), s.rows, s.over, len(s.arguments),
+            s.re < _RARE * list_.radius,
+        )
+        for s in sums
+    )  # fmt: skip
     kernel = _pair_kernel(
         operation, parts, signature, particles.dimension, pairs.periodic, view.formula if view else None, reads,
         shared(reads, particles, behind),
@@ -466,7 +490,8 @@ def _pair_kernel(
             neighbour = neighbour.replace("kind=in_kind[j]", f"kind={FLUID}")
         seeing = [f"b.{viewed} = view(a, b, r{''.join(', ' + a for a in view_arguments)})"] if view else []
         prepare = [neighbour, *seeing, *[f"w{p} = weight{p}(qd.sqrt(rr), re{parts[p].radius})" for p in chosen]]
-        lines = ["r = position[j] - x", *minimum_image(periodic), "rr = r.dot(r)"]
+        distance = ["r = position[j] - x", *minimum_image(periodic), "rr = r.dot(r)"]
+        lines = list(distance)
         first = chosen[0]
         if len(chosen) == 1 and (selective or asked[first]):
             lines += [f"if rr < re{parts[first].radius} * re{parts[first].radius}:"]
@@ -484,7 +509,13 @@ def _pair_kernel(
         looping = [f"for k in range({first_slot}, {first_slot} + {number}):", f"    j = neighbour[k] & {ROW_BITS}"]
         if stride > 1:
             looping = [f"for k in range({number}):", f"    j = neighbour[{slot(first_slot, 'k')}] & {ROW_BITS}"]
-        return looping + [f"    {line}" for line in lines]
+        loop = looping + [f"    {line}" for line in lines]
+        if len(chosen) > 1 or not parts[first].rare:
+            return loop
+        # Counting has no branch that would be guessed wrong, and becomes vector instructions.
+        square = f"re{parts[first].radius} * re{parts[first].radius}"
+        counting = [*distance, f"near += qd.cast(rr < {square}, qd.i32)"]
+        return ["near = 0", *looping, *[f"    {line}" for line in counting], "if near > 0:", *[f"    {s}" for s in loop]]
 
     lines = [f"def pair_{operation}({', '.join(parameters)}):", "    qd.loop_config(serialize=serial)"]
     lines += ["    for i in range(begin, end):"]
@@ -503,6 +534,29 @@ def _pair_kernel(
             body = ["if where[i] > 0:", *[f"    {line}" for line in body]]
         lines += [f"        if kind[i] & {kinds} != 0:", *[f"            {line}" for line in body]]
     return kernels.compiled(f"pair_{operation}", "\n".join(lines) + "\n", **scope)
+
+
+@kernels.cached
+def _mark_kernel() -> Any:
+    """Return the loop that marks neighbours: threads that mark the same row write the same number."""
+    Reals, Rows = kernels.array_type(kernels.runtime().real), kernels.array_type(kernels.i32)
+    Starts = kernels.array_type(kernels.i64)
+    qd, serial, stride = kernels.qd, kernels.runtime().serial, lanes.stride()
+
+    @kernels.kernel
+    def mark(
+        kind: Rows, start: Starts, length: Rows, neighbour: Rows, where: Reals, out: Reals,
+        begin: kernels.i32, end: kernels.i32,
+    ):  # fmt: skip
+        qd.loop_config(serialize=serial)
+        for i in range(begin, end):
+            if kind[i] & FLUID != 0 and where[i] > 0:
+                out[i] = 1.0
+                first = qd.cast(start[i], qd.i32)
+                for k in range(length[i]):
+                    out[neighbour[first + k * stride]] = 1.0
+
+    return mark
 
 
 def _by_kind(parts: Sequence[_Part]) -> list[tuple[int, list[int]]]:

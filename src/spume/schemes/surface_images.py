@@ -7,11 +7,11 @@ from typing import Any
 from spume import kernels
 from spume.kernels import qd
 from spume.lattice import Lattice
-from spume.pairs import Pairs, pair_sum, pair_term, row_map, row_term
-from spume.particles import FLUID, Field, Particles
+from spume.pairs import Pairs, RowMap, pair_mark, pair_sum, pair_term, row_map, row_maps, row_term
+from spume.particles import ANY, FLUID, Field, Particles
 from spume.schemes.correction import squares, symmetric_matrix
 from spume.schemes.crowding import CROWDING, crowding_vector, half_lattice
-from spume.schemes.free_surface.base import SURFACE_SHARE
+from spume.schemes.free_surface.base import SURFACE_SHARE, nothing
 from spume.schemes.operator import Operator
 
 IMAGES = Field("images", ("d",), "1/m", "minus d/n0 sum of W r/r^2 over the images beyond the surface")
@@ -25,6 +25,7 @@ IMAGE_FIELDS = (
     Field("inward_around", ("d",), "1", "sum of W theta times the direction inward over neighbours", scratch="images"),
     Field("distance_around", (), "m", "sum of W theta times the distance over neighbours", scratch="images"),
     Field("share_around", (), "1", "sum of W theta over neighbours", scratch="images"),
+    Field("near_surface", (), "1", "1 on the surface and where a row of it is near, else 0", scratch="images"),
 )  # fmt: skip
 
 _LEAST, _LARGEST = 0.25, 0.75
@@ -138,9 +139,11 @@ def density_of_images(number_density: Operator, lattice: Lattice, particles: Par
     seems crowded under a crest and the source drives it apart there, which makes waves grow.
     """
     re = number_density.radius(lattice)
+    row_maps((RowMap(nothing, "near_surface", ANY), RowMap(nothing, "images_density")), particles)
+    pair_mark("surface_share", particles, pairs, out="near_surface")
     pair_sum(
         _density_of_images(number_density.weight.function()), particles, pairs, out="images_density",
-        weight=number_density.weight, re=re, over=FLUID, arguments=(re,),
+        weight=number_density.weight, re=re, over=FLUID, arguments=(re,), where="near_surface",
     )  # fmt: skip
 
 
@@ -194,11 +197,12 @@ def surface_images(operator: Operator, lattice: Lattice, particles: Particles, p
         weight=operator.weight, re=radius, over=FLUID, where="surface_share",
     )  # fmt: skip
     flat, usual, growth = flat_surface(operator.weight, operator.re, lattice.dimension)
-    row_map(image_vector, particles, out="images", arguments=(0.5 * flat / l0, nearest), where="surface_share")
-    row_map(
-        own_distance, particles, out="surface_distance", where="surface_share",
-        arguments=(l0, flat / l0, usual, 1.0 / growth, _LEAST, _LARGEST),
-    )  # fmt: skip
+    of_distance = (l0, flat / l0, usual, 1.0 / growth, _LEAST, _LARGEST)
+    maps = (
+        RowMap(image_vector, "images", arguments=(0.5 * flat / l0, nearest), where="surface_share"),
+        RowMap(own_distance, "surface_distance", arguments=of_distance, where="surface_share"),
+    )
+    row_maps(maps, particles)
     pair_sum(
         (distance_of_neighbour, weight_of_neighbour), particles, pairs, out=("distance_around", "share_around"),
         weight=operator.weight, re=radius, over=FLUID, where="surface_share",

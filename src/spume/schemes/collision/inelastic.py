@@ -6,22 +6,21 @@ from pydantic import Field as Parameter
 
 from spume import kernels
 from spume.lattice import Lattice
-from spume.pairs import Pairs, RowMap, pair_sum, pair_term, row_maps, row_term
-from spume.particles import FLUID, Field, Particles
+from spume.pairs import Pairs, PairSum, RowMap, pair_sums, pair_term, row_maps, row_term
+from spume.particles import FLUID, SOLID, Field, Particles
 from spume.schemes.collision.base import Collision
 from spume.schemes.weight.inverse import Inverse
 
 
 @kernels.func
-def meets(b, r, distance, l0):  # type: ignore[no-untyped-def]
-    """Return whether a row meets another as a body does: two fluid rows, or a wall's row from beside its face.
+def meets_rim(b, r, distance, l0):  # type: ignore[no-untyped-def]
+    """Return whether a row meets one of a wall as a body does, from beside its face.
 
     A row that falls on the rim of a wall comes from beside; no face would stop it.
     """
     normal = b.to_surface.normalized(1e-30)
     along = r.dot(normal) ** 2
-    beside = b.kind == FLUID or along < r.norm_sqr() - along
-    return beside and r.norm_sqr() < (distance * l0) ** 2
+    return along < r.norm_sqr() - along and r.norm_sqr() < (distance * l0) ** 2
 
 
 @kernels.func
@@ -31,20 +30,30 @@ def at_face(b, r, distance, l0):  # type: ignore[no-untyped-def]
     # How far the row is behind the face on which b lies; b stands for its own cell of that face alone.
     behind = r.dot(normal) + b.to_surface.norm() - (0.5 - distance) * l0
     aside = r.norm_sqr() - r.dot(normal) ** 2
-    return b.kind != FLUID and behind > 0.0 and aside < (r.n - 1) * (0.54 * l0) ** 2 and not meets(b, r, distance, l0)
+    return behind > 0.0 and aside < (r.n - 1) * (0.54 * l0) ** 2 and not meets_rim(b, r, distance, l0)
 
 
-@pair_term(reads=("velocity", "density", "kind", "to_surface"), shape=("d",))
-def impulse(a, b, r, w, share, distance, l0):  # type: ignore[no-untyped-def]
+@pair_term(reads=("velocity", "density"), shape=("d",))
+def impulse(a, b, r, w, share):  # type: ignore[no-untyped-def]
+    part = b.density / (a.density + b.density)
+    return share * part * min((b.velocity - a.velocity).dot(r), 0.0) / r.dot(r) * r
+
+
+@pair_term(reads=("velocity",))
+def counted(a, b, r, w, share):  # type: ignore[no-untyped-def]
+    return kernels.qd.cast((b.velocity - a.velocity).dot(r) < 0.0, kernels.i32)
+
+
+@pair_term(reads=("velocity", "to_surface"), shape=("d",))
+def impulse_of_rim(a, b, r, w, share, distance, l0):  # type: ignore[no-untyped-def]
     result = 0.0 * r
-    if meets(b, r, distance, l0):
+    if meets_rim(b, r, distance, l0):
         # A wall is infinitely heavy: the fluid row takes the whole change of velocity.
-        part = kernels.qd.select(b.kind == FLUID, b.density / (a.density + b.density), 1.0)
-        result = share * part * min((b.velocity - a.velocity).dot(r), 0.0) / r.dot(r) * r
+        result = share * min((b.velocity - a.velocity).dot(r), 0.0) / r.dot(r) * r
     return result
 
 
-@pair_term(reads=("velocity", "kind", "to_surface"), shape=("d",))
+@pair_term(reads=("velocity", "to_surface"), shape=("d",))
 def impulse_of_wall(a, b, r, w, share, distance, l0):  # type: ignore[no-untyped-def]
     result = 0.0 * r
     if at_face(b, r, distance, l0):
@@ -53,22 +62,27 @@ def impulse_of_wall(a, b, r, w, share, distance, l0):  # type: ignore[no-untyped
     return result
 
 
-@pair_term(reads=("kind", "to_surface"))
+@pair_term(reads=("to_surface",))
 def faces(a, b, r, w, share, distance, l0):  # type: ignore[no-untyped-def]
     return kernels.qd.cast(at_face(b, r, distance, l0), kernels.i32)
 
 
-@pair_term(reads=("velocity", "kind", "to_surface"))
-def counted(a, b, r, w, share, distance, l0):  # type: ignore[no-untyped-def]
+@pair_term(reads=("velocity", "to_surface"))
+def counted_at_wall(a, b, r, w, share, distance, l0):  # type: ignore[no-untyped-def]
     normal = b.to_surface.normalized(1e-30)
     rate = b.velocity - a.velocity
-    hit = meets(b, r, distance, l0) and rate.dot(r) < 0.0
+    hit = meets_rim(b, r, distance, l0) and rate.dot(r) < 0.0
     return kernels.qd.cast(hit or (at_face(b, r, distance, l0) and rate.dot(normal) > 0.0), kernels.i32)
 
 
-@row_term(reads=("collision_impulse", "wall_impulse", "faces"))
+@row_term(reads=("collision_impulse", "rim_impulse", "wall_impulse", "faces"))
 def together(a):  # type: ignore[no-untyped-def]
-    return a.collision_impulse + a.wall_impulse / max(a.faces, 1)
+    return a.collision_impulse + a.rim_impulse + a.wall_impulse / max(a.faces, 1)
+
+
+@row_term(reads=("collisions", "wall_collisions"))
+def all_counted(a):  # type: ignore[no-untyped-def]
+    return a.collisions + a.wall_collisions
 
 
 @row_term(reads=("velocity", "collision_impulse"))
@@ -98,7 +112,12 @@ class Inelastic(Collision, name="inelastic"):
             "wall_impulse", ("d",), "m/s", "sum of the changes of velocity by the faces of walls that a row touches",
             scratch="collision",
         ),
+        Field(
+            "rim_impulse", ("d",), "m/s", "change of velocity by the rows of walls that a row meets from beside",
+            scratch="collision",
+        ),
         Field("faces", (), "1", "number of solid rows whose face a row touches", int, scratch="collision"),
+        Field("wall_collisions", (), "1", "number of solid rows that a row collides with", int, scratch="collision"),
     )  # fmt: skip
 
     distance: float = Parameter(default=0.5, gt=0.0, lt=1.0)
@@ -108,13 +127,21 @@ class Inelastic(Collision, name="inelastic"):
 
     def __call__(self, lattice: Lattice, particles: Particles, pairs: Pairs, dt: float) -> None:
         """Change ``velocity`` and ``position`` of approaching near pairs; count in ``collisions``."""
-        pair_sum(
-            (impulse, counted, impulse_of_wall, faces), particles, pairs,
-            out=("collision_impulse", "collisions", "wall_impulse", "faces"), weight=Inverse(),
-            re=lattice.spacing, arguments=(1.0 + self.restitution, self.distance, lattice.spacing),
+        # Hardly any two fluid rows are as near as that: the loop over them is one that only asks.
+        l0, share = lattice.spacing, 1.0 + self.restitution
+        of_fluid = PairSum(
+            (impulse, counted), ("collision_impulse", "collisions"), Inverse(), self.distance * l0,
+            over=FLUID, arguments=(share,),
         )  # fmt: skip
+        of_walls = PairSum(
+            (impulse_of_rim, impulse_of_wall, faces, counted_at_wall),
+            ("rim_impulse", "wall_impulse", "faces", "wall_collisions"), Inverse(), l0,
+            over=SOLID, arguments=(share, self.distance, l0),
+        )  # fmt: skip
+        pair_sums((of_fluid, of_walls), particles, pairs)
         maps = (
             RowMap(together, "collision_impulse"),
+            RowMap(all_counted, "collisions"),
             RowMap(changed_velocity, "velocity", arguments=(dt,)),
             RowMap(changed_position, "position", arguments=(dt,)),
         )
