@@ -14,7 +14,7 @@ import spume
 PACKAGE = Path(spume.__file__).parent
 REFERENCES = PACKAGE / "references.bib"
 
-CORE = {"spume.particles", "spume.pairs", "spume.lattice", "spume.named", "spume.kernels"}
+CORE = {"spume.particles", "spume.pairs", "spume.marks", "spume.lattice", "spume.named", "spume.kernels"}
 # What the modules of a folder may import of Spume, beyond their own folder.
 ALLOWED = {
     # An implicit model states a linear system and is handed its solver.

@@ -5,7 +5,18 @@ import pytest
 
 from arrangements import block, offsets, table, weights
 from spume import kernels
-from spume.pairs import PairSum, PairView, pair_max, pair_min, pair_sum, pair_sums, pair_term, row_map, row_term
+from spume.marks import pair_mark
+from spume.pairs import (
+    PairSum,
+    PairView,
+    pair_max,
+    pair_min,
+    pair_sum,
+    pair_sums,
+    pair_term,
+    row_map,
+    row_term,
+)
 from spume.particles import DUMMY, FLUID, WALL
 from spume.schemes.weight.inverse import Inverse
 from spume.schemes.weight.quadratic import Quadratic
@@ -103,6 +114,40 @@ def test_sums_of_different_rows_weights_and_radii_in_one_pass(every_runtime, d):
     for name, values in expected.items():
         listed = kind != DUMMY  # dummy rows have no list
         assert particles.numpy(name)[listed] == pytest.approx(values[listed], **close(every_runtime)), name
+
+
+@pytest.mark.parametrize("periodic", [False, True], ids=["open", "periodic"])
+@pytest.mark.parametrize("d", [2, 3])
+def test_sums_over_a_radius_that_hardly_a_row_has_a_neighbour_within(every_runtime, d, periodic):
+    particles, pairs, r, _ = filled(d, periodic)
+    s, fluid = particles.numpy("scalar"), particles.numpy("kind") == FLUID
+    w = weights(r, W, 0.062)
+    few = (w[fluid] > 0).any(axis=1)
+    assert few.any()
+    assert not few.all()
+    pair_sum((difference, plain), particles, pairs, out=("answer", "answer_2"), weight=W, re=0.062)
+    assert particles.numpy("answer")[fluid] == pytest.approx(
+        (w * (s[None, :] - s[:, None])).sum(axis=1)[fluid], **close(every_runtime)
+    )
+    assert particles.numpy("answer_2")[fluid] == pytest.approx(w.sum(axis=1)[fluid], **close(every_runtime))
+
+
+@pytest.mark.parametrize("periodic", [False, True], ids=["open", "periodic"])
+@pytest.mark.parametrize("d", [2, 3])
+def test_rows_near_marked_ones(every_runtime, d, periodic):
+    particles, pairs, r, _ = filled(d, periodic, seed=3)
+    fluid = particles.numpy("kind") == FLUID
+    chosen = np.flatnonzero(fluid)[:3]
+    positive = np.full(particles.count, -1.0)
+    positive[chosen] = [0.5, 1.0, 1e-9]
+    positive[~fluid] = 1.0
+    particles.set("scalar", positive)
+    particles.set("answer", np.zeros(particles.count))
+    pair_mark("scalar", particles, pairs, out="answer")
+    distance = np.linalg.norm(r, axis=2)[:, chosen].min(axis=1)
+    reach = pairs.list.radius + pairs.list.current_skin
+    assert set(np.unique(particles.numpy("answer"))) == {0.0, 1.0}
+    np.testing.assert_array_equal(particles.numpy("answer") == 1.0, distance < reach)
 
 
 def test_sums_are_kept_until_something_they_depend_on_changes(runtime):

@@ -76,12 +76,14 @@ class PairView:
         reads: fields of a and b that it needs.
         value: name of the value of b that it replaces.
         arguments: numbers that follow r.
+        of_normals: whether what it says of a solid row is meant along the normal of the row's wall alone.
     """
 
     formula: Callable[..., Any]
     reads: tuple[str, ...]
     value: str = "value"
     arguments: tuple[float, ...] = ()
+    of_normals: bool = False
 
 
 @dataclass(frozen=True)
@@ -251,21 +253,6 @@ def pair_max(
     """Write for each row the largest scalar term over its neighbours (-inf without any); see ``pair_sum``."""
     sums = (_asked(terms, out, weight, re, rows, over, arguments),)
     _reduce("max", sums, particles, pairs, fields, view)
-
-
-def pair_mark(where: str, particles: Particles, pairs: Pairs, *, out: str) -> None:
-    """Write 1 to the scalar field ``out`` of fluid rows where the field ``where`` is positive, and of their neighbours.
-
-    Other rows keep what they have. A sum to which only such rows contribute can leave out all rows without one near.
-    """
-    list_ = pairs.list
-    for chunk in list_.chunks:
-        _mark_kernel()(
-            particles["kind"], list_.start, list_.length, chunk.neighbour, particles[where], particles[out],
-            chunk.begin, chunk.end,
-        )  # fmt: skip
-    particles.written(out)
-    particles.traffic += particles.active * particles.row_bytes(("kind", where, out))
 
 
 def row_map(
@@ -515,7 +502,13 @@ def _pair_kernel(
         # Counting has no branch that would be guessed wrong, and becomes vector instructions.
         square = f"re{parts[first].radius} * re{parts[first].radius}"
         counting = [*distance, f"near += qd.cast(rr < {square}, qd.i32)"]
-        return ["near = 0", *looping, *[f"    {line}" for line in counting], "if near > 0:", *[f"    {s}" for s in loop]]
+        return [
+            "near = 0",
+            *looping,
+            *[f"    {line}" for line in counting],
+            "if near > 0:",
+            *[f"    {s}" for s in loop],
+        ]
 
     lines = [f"def pair_{operation}({', '.join(parameters)}):", "    qd.loop_config(serialize=serial)"]
     lines += ["    for i in range(begin, end):"]
@@ -534,29 +527,6 @@ def _pair_kernel(
             body = ["if where[i] > 0:", *[f"    {line}" for line in body]]
         lines += [f"        if kind[i] & {kinds} != 0:", *[f"            {line}" for line in body]]
     return kernels.compiled(f"pair_{operation}", "\n".join(lines) + "\n", **scope)
-
-
-@kernels.cached
-def _mark_kernel() -> Any:
-    """Return the loop that marks neighbours: threads that mark the same row write the same number."""
-    Reals, Rows = kernels.array_type(kernels.runtime().real), kernels.array_type(kernels.i32)
-    Starts = kernels.array_type(kernels.i64)
-    qd, serial, stride = kernels.qd, kernels.runtime().serial, lanes.stride()
-
-    @kernels.kernel
-    def mark(
-        kind: Rows, start: Starts, length: Rows, neighbour: Rows, where: Reals, out: Reals,
-        begin: kernels.i32, end: kernels.i32,
-    ):  # fmt: skip
-        qd.loop_config(serialize=serial)
-        for i in range(begin, end):
-            if kind[i] & FLUID != 0 and where[i] > 0:
-                out[i] = 1.0
-                first = qd.cast(start[i], qd.i32)
-                for k in range(length[i]):
-                    out[neighbour[first + k * stride]] = 1.0
-
-    return mark
 
 
 def _by_kind(parts: Sequence[_Part]) -> list[tuple[int, list[int]]]:

@@ -19,6 +19,12 @@ def quadratic(r, re):
     return 1 - 2 * r / re + r**2 / re**2
 
 
+def isochoric(r, re):
+    q = r / re
+    powers = (1.0, -5.436, 16.395, -20.917, 9.501)
+    return sum(c * q**k for k, c in enumerate(powers)) * (1 - 2 * q + q**2)
+
+
 def gaussian(r, re):
     return exp(-9 * r**2 / re**2) - exp(-9)
 

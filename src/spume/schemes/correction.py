@@ -3,10 +3,14 @@
 from spume import kernels
 from spume.lattice import Lattice
 from spume.pairs import Pairs, PairSum, PairTerm, pair_sum, pair_term
-from spume.particles import ANY, FLUID, WALL, Field, Particles
+from spume.particles import ANY, FLUID, SOLID, WALL, Field, Particles
 from spume.schemes.operator import Operator
 
 SECOND_MOMENT = Field("second_moment", ("symmetric",), "1", "sum of W r (x) r/r^2 over a row's neighbours")
+WALL_MOMENT = Field(
+    "wall_moment", ("symmetric",), "1", "sum of W [r (x) r - (r . n)^2 n (x) n]/r^2 over a row's solid neighbours",
+    scratch="walls",
+)  # fmt: skip
 CORRECTION = Field("correction", ("d", "d"), "1", "corrective matrix C of the gradient", scratch="correction")
 
 
@@ -79,6 +83,29 @@ def second_moment(a, b, r, w):  # type: ignore[no-untyped-def]
 def second_moment_sum(operator: Operator, lattice: Lattice, over: int = ANY, rows: int = FLUID) -> PairSum:
     """Return the sum of W r (x) r/r^2 into ``second_moment``, of which corrective matrices are made row by row."""
     return PairSum((second_moment,), ("second_moment",), operator.weight, operator.radius(lattice), rows, over)
+
+
+@kernels.func
+def along_normal(b, r, solid):  # type: ignore[no-untyped-def]
+    """Return the part of r along the wall's normal at a solid neighbour, as far as ``solid``, 0 or 1, asks for it."""
+    normal = b.to_surface.normalized(1e-30)
+    return kernels.qd.select(b.kind == FLUID, r, r + solid * (r.dot(normal) * normal - r))
+
+
+@pair_term(reads=("to_surface",), shape=("symmetric",))
+def tangential_moment(a, b, r, w):  # type: ignore[no-untyped-def]
+    normal = b.to_surface.normalized(1e-30)
+    return (squares(r) - r.dot(normal) ** 2 * squares(normal)) * (w / r.dot(r))
+
+
+def wall_moment_sum(operator: Operator, lattice: Lattice, rows: int = FLUID) -> PairSum:
+    """Return the sum of W [r (x) r - (r . n)^2 n (x) n]/r^2 over solid neighbours into ``wall_moment``.
+
+    A solid row says how pressure and velocity change along the normal n of its wall, and nothing of how they change
+    along the wall: that is the fluid's to say. A difference towards it then counts with n n . r in the place of r, and
+    what the second moment has too much is this sum.
+    """
+    return PairSum((tangential_moment,), ("wall_moment",), operator.weight, operator.radius(lattice), rows, SOLID)
 
 
 def _inverse_or_identity(a, moment, scale, largest_condition):  # type: ignore[no-untyped-def]

@@ -7,7 +7,8 @@ from typing import Any
 from spume import kernels
 from spume.kernels import qd
 from spume.lattice import Lattice
-from spume.pairs import Pairs, RowMap, pair_mark, pair_sum, pair_term, row_map, row_maps, row_term
+from spume.marks import pair_mark
+from spume.pairs import Pairs, RowMap, pair_sum, pair_term, row_map, row_maps, row_term
 from spume.particles import ANY, FLUID, Field, Particles
 from spume.schemes.correction import squares, symmetric_matrix
 from spume.schemes.crowding import CROWDING, crowding_vector, half_lattice
@@ -25,7 +26,7 @@ IMAGE_FIELDS = (
     Field("inward_around", ("d",), "1", "sum of W theta times the direction inward over neighbours", scratch="images"),
     Field("distance_around", (), "m", "sum of W theta times the distance over neighbours", scratch="images"),
     Field("share_around", (), "1", "sum of W theta over neighbours", scratch="images"),
-    Field("near_surface", (), "1", "1 on the surface and where a row of it is near, else 0", scratch="images"),
+    Field("images_near", (), "1", "1 on the surface and where a row of it is near, else 0", scratch="images"),
 )  # fmt: skip
 
 _LEAST, _LARGEST = 0.25, 0.75
@@ -139,11 +140,11 @@ def density_of_images(number_density: Operator, lattice: Lattice, particles: Par
     seems crowded under a crest and the source drives it apart there, which makes waves grow.
     """
     re = number_density.radius(lattice)
-    row_maps((RowMap(nothing, "near_surface", ANY), RowMap(nothing, "images_density")), particles)
-    pair_mark("surface_share", particles, pairs, out="near_surface")
+    row_maps((RowMap(nothing, "images_near", ANY), RowMap(nothing, "images_density")), particles)
+    pair_mark("surface_share", particles, pairs, out="images_near")
     pair_sum(
         _density_of_images(number_density.weight.function()), particles, pairs, out="images_density",
-        weight=number_density.weight, re=re, over=FLUID, arguments=(re,), where="near_surface",
+        weight=number_density.weight, re=re, over=FLUID, arguments=(re,), where="images_near",
     )  # fmt: skip
 
 

@@ -3,7 +3,13 @@
 from spume.lattice import Lattice
 from spume.pairs import Pairs, PairSum, pair_sums, pair_term, row_map, row_term
 from spume.particles import FLUID, WALL, Field, Particles
-from spume.schemes.correction import floored_inverse, second_moment_sum, symmetric_matrix
+from spume.schemes.correction import (
+    along_normal,
+    floored_inverse,
+    second_moment_sum,
+    symmetric_matrix,
+    wall_moment_sum,
+)
 from spume.schemes.divergence.base import mirrored
 from spume.schemes.operator import Operator
 
@@ -16,12 +22,14 @@ VELOCITY_GRADIENT = Field(
 
 
 def _corrected(a, total, scale, mirror, floor):  # type: ignore[no-untyped-def]
-    return scale * total @ floored_inverse(scale * symmetric_matrix(a.second_moment), floor)
+    return scale * total @ floored_inverse(scale * symmetric_matrix(a.second_moment - mirror * a.wall_moment), floor)
 
 
-@pair_term(reads=("velocity", "kind", "to_surface", "second_moment"), shape=("d", "d"), finish=_corrected)
+@pair_term(
+    reads=("velocity", "kind", "to_surface", "second_moment", "wall_moment"), shape=("d", "d"), finish=_corrected
+)
 def spread(a, b, r, w, scale, mirror, floor):  # type: ignore[no-untyped-def]
-    return mirrored(a, b, mirror).outer_product(r) * (w / r.dot(r))
+    return mirrored(a, b, mirror).outer_product(along_normal(b, r, mirror)) * (w / r.dot(r))
 
 
 @row_term(reads=("source", "predicted_gradient", "surface_share"))
@@ -39,7 +47,9 @@ def velocity_gradient(
 
     Args:
         operator: gives weight and effective radius.
-        mirror: see ``Divergence``; wall rows then have none.
+        mirror: see ``Divergence``; wall rows then have none. A mirror image moves along the normal n of its wall, and
+            n n . r_ij stands in the place of r_ij towards it, here and in M_i: how the velocity changes along a
+            wall is the fluid's to say.
         floor: least eigenvalue of the inverse of C; another than the divergence's means a second pass.
     """
     pair_sums((velocity_gradient_sum(operator, lattice, particles, pairs, mirror, floor),), particles, pairs)
@@ -51,6 +61,8 @@ def velocity_gradient_sum(
     """Return the sum that `velocity_gradient` makes, having made the second moment that it needs."""
     rows = FLUID if mirror else FLUID | WALL
     pair_sums((second_moment_sum(operator, lattice, rows=rows),), particles, pairs)
+    if mirror:
+        pair_sums((wall_moment_sum(operator, lattice),), particles, pairs)
     return PairSum(
         (spread,), ("predicted_gradient",), operator.weight, operator.radius(lattice), rows,
         arguments=(lattice.dimension / operator.n0(lattice), float(mirror), floor),

@@ -91,7 +91,7 @@ class PredictMoveProject(Projection, name="predict-move-project"):
         figures = solve_pressure(self, domain, outside, dt * dt)
         with domain.stages("correction"):
             self.wall_model.extrapolate(lattice, particles, pairs)
-            view = self.wall_model.view(dt)
+            view = self.wall_model.view(dt, self.gradient.of_normals)
             self.gradient(lattice, particles, pairs, over=self.wall_model.carriers, view=view, dt=dt)
             row_map(copied_velocity, particles, out="velocity_before", rows=FLUID)
             row_map(corrected, particles, out="velocity", rows=FLUID, arguments=(dt,))

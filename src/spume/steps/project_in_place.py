@@ -4,7 +4,7 @@ from typing import ClassVar, Literal
 
 from spume.domain import Domain
 from spume.pairs import RowMap, row_map, row_maps
-from spume.schemes.correction import SECOND_MOMENT
+from spume.schemes.correction import SECOND_MOMENT, WALL_MOMENT
 from spume.schemes.divergence.base import Divergence
 from spume.schemes.divergence.bounded import Bounded
 from spume.schemes.free_surface.base import SURFACE_SHARE, FreeSurface
@@ -23,7 +23,7 @@ from spume.schemes.source.divergence_density import DivergenceDensity
 from spume.schemes.velocity_gradient import VELOCITY_GRADIENT, keep_volume
 from spume.schemes.viscosity.base import Viscosity
 from spume.schemes.viscosity.explicit import Explicit
-from spume.schemes.weight.quadratic import Quadratic
+from spume.schemes.weight.isochoric import Isochoric
 from spume.steps.base import (
     Projection,
     accelerate,
@@ -50,9 +50,9 @@ class ProjectInPlace(Projection, name="project-in-place"):
     ids: ClassVar = ("A1",)
     reference: ClassVar = "cummins1999"
     instants: ClassVar = ("k",)
-    fields: ClassVar = (*Projection.fields, SECOND_MOMENT, VELOCITY_GRADIENT, SURFACE_SHARE)
+    fields: ClassVar = (*Projection.fields, SECOND_MOMENT, WALL_MOMENT, VELOCITY_GRADIENT, SURFACE_SHARE)
 
-    number_density: NumberDensity = OriginalNumberDensity(weight=Quadratic())
+    number_density: NumberDensity = OriginalNumberDensity(weight=Isochoric())
     """Particle number density n."""
     free_surface: FreeSurface = ImagedSurface()
     """Detection of the free surface."""
@@ -105,7 +105,7 @@ class ProjectInPlace(Projection, name="project-in-place"):
         figures = solve_pressure(self, domain, outside, dt * tau)
         with domain.stages("correction"):
             self.wall_model.extrapolate(lattice, particles, pairs)
-            view = self.wall_model.view(tau)
+            view = self.wall_model.view(tau, self.gradient.of_normals)
             self.gradient(lattice, particles, pairs, over=self.wall_model.carriers, view=view, dt=tau, moved=False)
             maps = (RowMap(corrected, "velocity", arguments=(tau,)), RowMap(moved, "position", arguments=(dt,)))
             row_maps(maps, particles)

@@ -76,8 +76,13 @@ class WallModel(Operator, family="wall_model"):
     def neumann(self, particles: Particles, dt: float) -> None:
         """Write ``wall_gradient`` [Pa/m] of solid rows from the predicted velocity."""
 
-    def view(self, dt: float) -> PairView | None:
-        """Return how a fluid row sees the pressure of a solid row, if not as the field says."""
+    def view(self, dt: float, of_normals: bool = False) -> PairView | None:
+        """Return how a fluid row sees the pressure of a solid row, if not as the field says.
+
+        Args:
+            dt: time that the pressure acts [s].
+            of_normals: whether the gradient can do with how the pressure changes along a wall's normal.
+        """
         return None
 
     def show_slip(self, lattice: Lattice, particles: Particles, pairs: Pairs) -> None:

@@ -25,6 +25,15 @@ def pressure_of_image(a, b, r, dt):  # type: ignore[no-untyped-def]
     return value
 
 
+@kernels.func
+def pressure_along_normal(a, b, r, dt):  # type: ignore[no-untyped-def]
+    value = b.value
+    if b.kind != FLUID:
+        normal = b.to_surface.normalized(1e-30)
+        value = a.value + a.density / dt * (a.velocity - b.wall_velocity).dot(normal) * r.dot(normal)
+    return value
+
+
 @pair_term(reads=("pressure", "wall_gradient"))
 def weighted_pressure(a, b, r, w):  # type: ignore[no-untyped-def]
     return w * (b.pressure - a.wall_gradient.dot(r))
@@ -69,13 +78,15 @@ class Neumann(WallModel, name="neumann"):
         """Write ``wall_gradient`` = rho (u* - u_wall)/dt [Pa/m] of solid rows."""
         row_map(imposed_gradient, particles, out="wall_gradient", rows=SOLID, arguments=(dt,))
 
-    def view(self, dt: float) -> PairView:
-        """Return P_j = P_i + rho/dt [u*_wall - u_wall + n n . (u*_i - u*_wall)] . r_ij for a solid row j.
+    def view(self, dt: float, of_normals: bool = False) -> PairView:
+        """Return P_j = P_i + rho/dt [n n . (u*_i - u_wall)] . r_ij for a solid row j, to be taken along n alone.
 
-        That is the gradient which gives a fluid row at the wall the wall's normal velocity.
+        That is the gradient which gives a fluid row at the wall the wall's normal velocity. A gradient model that takes
+        all of r_ij is given rho/dt (u*_wall - u_wall) along the wall as well, which is that of water at rest.
         """
         reads = ("value", "kind", "velocity", "wall_velocity", "to_surface", "density")
-        return PairView(pressure_of_image, reads, arguments=(dt,))
+        formula = pressure_along_normal if of_normals else pressure_of_image
+        return PairView(formula, reads, arguments=(dt,), of_normals=of_normals)
 
     def extrapolate(self, lattice: Lattice, particles: Particles, pairs: Pairs) -> None:
         """Write the pressure of wall rows from the fluid near them, and that of dummies from their wall row."""

@@ -7,7 +7,7 @@ from pydantic import Field as Parameter
 from spume.lattice import Lattice
 from spume.pairs import Pairs, PairSum, row_map, row_term
 from spume.particles import FLUID, WALL, Particles
-from spume.schemes.correction import SECOND_MOMENT, second_moment_sum
+from spume.schemes.correction import SECOND_MOMENT, WALL_MOMENT, second_moment_sum
 from spume.schemes.divergence.base import Divergence
 from spume.schemes.velocity_gradient import FLOOR, VELOCITY_GRADIENT, velocity_gradient, velocity_gradient_sum
 
@@ -20,8 +20,9 @@ def trace(a):  # type: ignore[no-untyped-def]
 class Bounded(Divergence, name="bounded"):
     """<div u>_i = d/n0 sum_j (u_j - u_i) . C_i r_ij/r^2 W, C_i = M_i^-1, M_i with eigenvalues of ``floor`` at least.
 
-    Exact for linear velocity fields on any arrangement inside the fluid. On a flat surface, where the least eigenvalue
-    is 0.5, a floor of 0.6 adds 0.1 to all of them: a surface that is stretched along itself and sinks has a
+    Exact for linear velocity fields on any arrangement inside the fluid. Towards a wall whose rows move like mirror
+    images, r_ij counts along the wall's normal alone (`velocity_gradient`). On a flat surface, where the least
+    eigenvalue is 0.5, a floor of 0.6 adds 0.1 to all of them: a surface that is stretched along itself and sinks has a
     sixth of the divergence that the original model gives it (2D); a floor of 0.5 is exact and noisier. Where
     few neighbours are left, as in spray, the floor keeps the correction from multiplying noise. (This project;
     the matrix of Khayyer & Gotoh 2011.)
@@ -29,7 +30,7 @@ class Bounded(Divergence, name="bounded"):
 
     reference: ClassVar = "khayyer2011"
     order: ClassVar = 0
-    needs: ClassVar = (SECOND_MOMENT, VELOCITY_GRADIENT)
+    needs: ClassVar = (SECOND_MOMENT, WALL_MOMENT, VELOCITY_GRADIENT)
 
     floor: float = Parameter(default=FLOOR, gt=0.0, le=1.0)
     """Least eigenvalue of the matrix that is inverted [1]."""

@@ -15,6 +15,9 @@ class Gradient(Operator, family="gradient"):
     repels: ClassVar[bool] = False
     """Whether every pair is made to repel, so that a fluid under tension (negative pressure) makes no sense."""
 
+    of_normals: ClassVar[bool] = False
+    """Whether a wall that is asked for it may say how the pressure changes along its normal, and nothing else."""
+
     completes: ClassVar[bool] = False
     """Whether neighbours missing at the free surface take part, as the matrix counts them that detects no surface."""
 

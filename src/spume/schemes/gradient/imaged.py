@@ -7,13 +7,21 @@ from pydantic import Field as Parameter
 from spume.lattice import Lattice
 from spume.pairs import Pairs, PairView, pair_sum, pair_sums, pair_term
 from spume.particles import ANY, Particles
-from spume.schemes.correction import SECOND_MOMENT, floored_inverse, second_moment_sum, symmetric_matrix
+from spume.schemes.correction import (
+    SECOND_MOMENT,
+    WALL_MOMENT,
+    along_normal,
+    floored_inverse,
+    second_moment_sum,
+    symmetric_matrix,
+    wall_moment_sum,
+)
 from spume.schemes.gradient.base import Gradient
 from spume.schemes.surface_images import IMAGE_FIELDS, surface_images
 
 
-def _corrected(a, total, scale, floor, tiny):  # type: ignore[no-untyped-def]
-    matrix = scale * symmetric_matrix(a.second_moment)
+def _corrected(a, total, scale, floor, tiny, solid):  # type: ignore[no-untyped-def]
+    matrix = scale * symmetric_matrix(a.second_moment - solid * a.wall_moment)
     total *= scale
     if a.surface_share > 0.0:
         length = 2.0 * a.surface_share * a.surface_distance / max(a.images.norm(), tiny)
@@ -22,11 +30,14 @@ def _corrected(a, total, scale, floor, tiny):  # type: ignore[no-untyped-def]
     return floored_inverse(matrix, floor) @ total
 
 
-@pair_term(
-    reads=("value", "second_moment", "surface_share", "images", "surface_distance"), shape=("d",), finish=_corrected
-)
-def difference(a, b, r, w, scale, floor, tiny):  # type: ignore[no-untyped-def]
-    return (b.value - a.value) * (w / r.dot(r)) * r
+_READ = (
+    "value", "kind", "to_surface", "second_moment", "wall_moment", "surface_share", "images", "surface_distance",
+)  # fmt: skip
+
+
+@pair_term(reads=_READ, shape=("d",), finish=_corrected)
+def difference(a, b, r, w, scale, floor, tiny, solid):  # type: ignore[no-untyped-def]
+    return (b.value - a.value) * (w / r.dot(r)) * along_normal(b, r, solid)
 
 
 class Imaged(Gradient, name="imaged"):
@@ -35,7 +46,9 @@ class Imaged(Gradient, name="imaged"):
     C_i = [M_i + 2 theta_i delta_i b_i (x) b_i/|b_i|]^-1 with theta_i the row's share in the free surface, b_i the
     vector of its images, delta_i its distance from the surface (`surface_images`), and eigenvalues of
     the bracket ``floor`` at least. The images, at -b_i all together, have the pressure that vanishes at delta_i
-    outside and goes on with the slope P_i/delta_i. Exact for linear fields on any arrangement inside the fluid, and for
+    outside and goes on with the slope P_i/delta_i. For a solid row j that says what lies along the normal n of its wall
+    (``neumann``), n n . r_ij stands in the place of r_ij, here and in M_i: along a wall the gradient is the fluid's.
+    Exact for linear fields on any arrangement inside the fluid, beside such walls too, and for
     those that vanish there on any arrangement of its surface, so that rows of a surface that is stretched or crowded
     are still held. The same images as those of the ``free_surface`` of that name. ``completed`` takes what is missing
     of the lattice instead. (This project.)
@@ -43,7 +56,8 @@ class Imaged(Gradient, name="imaged"):
 
     reference: ClassVar = "liu2018"
     order: ClassVar = 0
-    needs: ClassVar = (SECOND_MOMENT, *IMAGE_FIELDS)
+    needs: ClassVar = (SECOND_MOMENT, WALL_MOMENT, *IMAGE_FIELDS)
+    of_normals: ClassVar = True
     completes: ClassVar = True
 
     floor: float = Parameter(default=0.3, gt=0.0, le=1.0)
@@ -57,8 +71,11 @@ class Imaged(Gradient, name="imaged"):
         """Write the gradient of ``phi`` at fluid rows into ``out``."""
         surface_images(self, lattice, particles, pairs)
         pair_sums((second_moment_sum(self, lattice, over),), particles, pairs)
+        normals = view is not None and view.of_normals
+        if normals:
+            pair_sums((wall_moment_sum(self, lattice),), particles, pairs)
         pair_sum(
             difference, particles, pairs, out=out, weight=self.weight, re=self.radius(lattice), over=over,
-            arguments=(lattice.dimension / self.n0(lattice), self.floor, 1e-9 / lattice.spacing), fields={"value": phi},
-            view=view,
+            arguments=(lattice.dimension / self.n0(lattice), self.floor, 1e-9 / lattice.spacing, float(normals)),
+            fields={"value": phi}, view=view,
         )  # fmt: skip
