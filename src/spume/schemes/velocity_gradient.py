@@ -10,8 +10,7 @@ from spume.schemes.correction import (
     symmetric_matrix,
     wall_moment_sum,
 )
-from spume.schemes.divergence.base import mirrored
-from spume.schemes.operator import Operator
+from spume.schemes.divergence.base import Divergence, mirrored
 
 FLOOR = 0.6
 """Least eigenvalue of the matrix that is inverted [1]."""
@@ -21,15 +20,15 @@ VELOCITY_GRADIENT = Field(
 )
 
 
-def _corrected(a, total, scale, mirror, floor):  # type: ignore[no-untyped-def]
-    return scale * total @ floored_inverse(scale * symmetric_matrix(a.second_moment - mirror * a.wall_moment), floor)
+def _corrected(a, total, scale, mirror, floor, normals):  # type: ignore[no-untyped-def]
+    return scale * total @ floored_inverse(scale * symmetric_matrix(a.second_moment - normals * a.wall_moment), floor)
 
 
 @pair_term(
     reads=("velocity", "kind", "to_surface", "second_moment", "wall_moment"), shape=("d", "d"), finish=_corrected
 )
-def spread(a, b, r, w, scale, mirror, floor):  # type: ignore[no-untyped-def]
-    return mirrored(a, b, mirror).outer_product(along_normal(b, r, mirror)) * (w / r.dot(r))
+def spread(a, b, r, w, scale, mirror, floor, normals):  # type: ignore[no-untyped-def]
+    return mirrored(a, b, mirror).outer_product(along_normal(b, r, normals)) * (w / r.dot(r))
 
 
 @row_term(reads=("source", "predicted_gradient", "surface_share"))
@@ -38,7 +37,7 @@ def less_turning(a, share):  # type: ignore[no-untyped-def]
 
 
 def velocity_gradient(
-    operator: Operator, lattice: Lattice, particles: Particles, pairs: Pairs, mirror: bool, floor: float = FLOOR
+    operator: Divergence, lattice: Lattice, particles: Particles, pairs: Pairs, mirror: bool, floor: float = FLOOR
 ) -> None:
     """Write ``predicted_gradient``, (grad u)_ab = d u_a/d x_b = d/n0 sum_j (u_j - u_i)_a (C_i r_ij)_b W/r^2 [1/s].
 
@@ -46,31 +45,32 @@ def velocity_gradient(
     smallest eigenvalue at 0.5, which a floor up to that does not touch.
 
     Args:
-        operator: gives weight and effective radius.
-        mirror: see ``Divergence``; wall rows then have none. A mirror image moves along the normal n of its wall, and
-            n n . r_ij stands in the place of r_ij towards it, here and in M_i: how the velocity changes along a
-            wall is the fluid's to say.
+        operator: gives weight and effective radius, and says with ``of_normals`` that n n . r_ij stands in the place
+            of r_ij towards a mirror image, here and in M_i: such an image moves along the normal n of its wall, and how
+            the velocity changes along the wall is the fluid's to say.
+        mirror: see ``Divergence``; wall rows then have none.
         floor: least eigenvalue of the inverse of C; another than the divergence's means a second pass.
     """
     pair_sums((velocity_gradient_sum(operator, lattice, particles, pairs, mirror, floor),), particles, pairs)
 
 
 def velocity_gradient_sum(
-    operator: Operator, lattice: Lattice, particles: Particles, pairs: Pairs, mirror: bool, floor: float
+    operator: Divergence, lattice: Lattice, particles: Particles, pairs: Pairs, mirror: bool, floor: float
 ) -> PairSum:
     """Return the sum that `velocity_gradient` makes, having made the second moment that it needs."""
     rows = FLUID if mirror else FLUID | WALL
     pair_sums((second_moment_sum(operator, lattice, rows=rows),), particles, pairs)
-    if mirror:
+    normals = mirror and operator.of_normals
+    if normals:
         pair_sums((wall_moment_sum(operator, lattice),), particles, pairs)
     return PairSum(
         (spread,), ("predicted_gradient",), operator.weight, operator.radius(lattice), rows,
-        arguments=(lattice.dimension / operator.n0(lattice), float(mirror), floor),
+        arguments=(lattice.dimension / operator.n0(lattice), float(mirror), floor, float(normals)),
     )  # fmt: skip
 
 
 def keep_volume(
-    operator: Operator, lattice: Lattice, particles: Particles, pairs: Pairs, mirror: bool, share: float = 1.0
+    operator: Divergence, lattice: Lattice, particles: Particles, pairs: Pairs, mirror: bool, share: float = 1.0
 ) -> None:
     """Take 1/2 tr((grad u)^2) off ``source``, so that a step keeps the volume to second order.
 

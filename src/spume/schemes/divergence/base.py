@@ -1,5 +1,7 @@
 """The family of divergence models."""
 
+from typing import ClassVar
+
 from spume import kernels
 from spume.lattice import Lattice
 from spume.pairs import Pairs, PairSum
@@ -18,6 +20,9 @@ def mirrored(a, b, mirror):  # type: ignore[no-untyped-def]
 
 class Divergence(Operator, family="divergence"):
     """A model of the divergence of the velocity at fluid and wall rows."""
+
+    of_normals: ClassVar[bool] = False
+    """Whether a mirror image tells how the velocity changes along the normal of its wall, and nothing else."""
 
     def __call__(self, lattice: Lattice, particles: Particles, pairs: Pairs, out: str, mirror: bool = False) -> None:
         """Write the divergence of ``velocity`` [1/s] at fluid and wall rows into ``out``.

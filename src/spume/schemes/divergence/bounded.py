@@ -21,9 +21,9 @@ class Bounded(Divergence, name="bounded"):
     """<div u>_i = d/n0 sum_j (u_j - u_i) . C_i r_ij/r^2 W, C_i = M_i^-1, M_i with eigenvalues of ``floor`` at least.
 
     Exact for linear velocity fields on any arrangement inside the fluid. Towards a wall whose rows move like mirror
-    images, r_ij counts along the wall's normal alone (`velocity_gradient`). On a flat surface, where the least
-    eigenvalue is 0.5, a floor of 0.6 adds 0.1 to all of them: a surface that is stretched along itself and sinks has a
-    sixth of the divergence that the original model gives it (2D); a floor of 0.5 is exact and noisier. Where
+    images, r_ij counts along the wall's normal alone (``normals``; `velocity_gradient`). On a flat surface, where the
+    least eigenvalue is 0.5, a floor of 0.6 adds 0.1 to all of them: a surface that is stretched along itself and sinks
+    has a sixth of the divergence that the original model gives it (2D); a floor of 0.5 is exact and noisier. Where
     few neighbours are left, as in spray, the floor keeps the correction from multiplying noise. (This project;
     the matrix of Khayyer & Gotoh 2011.)
     """
@@ -34,6 +34,14 @@ class Bounded(Divergence, name="bounded"):
 
     floor: float = Parameter(default=FLOOR, gt=0.0, le=1.0)
     """Least eigenvalue of the matrix that is inverted [1]."""
+
+    normals: bool = True
+    """Take of a mirror image how the velocity changes along its wall's normal; false: and that it does not along it."""
+
+    @property
+    def of_normals(self) -> bool:  # type: ignore[override]
+        """Whether a mirror image tells how the velocity changes along the normal of its wall, and nothing else."""
+        return self.normals
 
     def sums(self, lattice: Lattice) -> tuple[PairSum, ...]:
         """Return the second moment of the neighbours of fluid rows."""

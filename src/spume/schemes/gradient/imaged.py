@@ -47,7 +47,8 @@ class Imaged(Gradient, name="imaged"):
     vector of its images, delta_i its distance from the surface (`surface_images`), and eigenvalues of
     the bracket ``floor`` at least. The images, at -b_i all together, have the pressure that vanishes at delta_i
     outside and goes on with the slope P_i/delta_i. For a solid row j that says what lies along the normal n of its wall
-    (``neumann``), n n . r_ij stands in the place of r_ij, here and in M_i: along a wall the gradient is the fluid's.
+    (``neumann``, with ``normals``), n n . r_ij stands in the place of r_ij, here and in M_i: along a wall the gradient
+    is the fluid's.
     Exact for linear fields on any arrangement inside the fluid, beside such walls too, and for
     those that vanish there on any arrangement of its surface, so that rows of a surface that is stretched or crowded
     are still held. The same images as those of the ``free_surface`` of that name. ``completed`` takes what is missing
@@ -57,11 +58,17 @@ class Imaged(Gradient, name="imaged"):
     reference: ClassVar = "liu2018"
     order: ClassVar = 0
     needs: ClassVar = (SECOND_MOMENT, WALL_MOMENT, *IMAGE_FIELDS)
-    of_normals: ClassVar = True
     completes: ClassVar = True
 
     floor: float = Parameter(default=0.3, gt=0.0, le=1.0)
     """Least eigenvalue of the matrix that is inverted [1]."""
+    normals: bool = True
+    """Take of a wall how the pressure changes along its normal; false: along it too, as in water at rest."""
+
+    @property
+    def of_normals(self) -> bool:  # type: ignore[override]
+        """Whether a wall that is asked for it may say how the pressure changes along its normal, and nothing else."""
+        return self.normals
 
     def __call__(
         self, lattice: Lattice, particles: Particles, pairs: Pairs,
