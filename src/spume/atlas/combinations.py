@@ -63,6 +63,9 @@ FORMS = {
     "source divergence-density, 0.2": "step.source={name='divergence-density', gamma=0.2}",
     "source divergence-density, smoothed, 0.01": "step.source={name='divergence-density', smoothed=true, gamma=0.01}",
     "number_density with weight inverse": "step.number_density.weight='inverse'",
+    "number_density with weight quadratic": "step.number_density.weight='quadratic'",
+    "gradient imaged, all of a wall": "step.gradient.normals=false",
+    "divergence bounded, all of a wall": "step.divergence.normals=false",
     "viscosity explicit, wall function": "step.viscosity.wall_function='power-law'",
     "viscosity explicit, turbulence and wall function": (
         "step.viscosity={name='explicit', laplacian='distance', turbulence='smagorinsky', wall_function='power-law'}"
