@@ -7,7 +7,7 @@ from arrangements import block, inside, offsets, table, weights
 from spume import named
 from spume.particles import DUMMY, FLUID
 from spume.schemes import discover
-from spume.schemes.correction import CORRECTION, SECOND_MOMENT
+from spume.schemes.correction import CORRECTION, SECOND_MOMENT, WALL_MOMENT
 from spume.schemes.free_surface.base import SURFACE_SHARE
 from spume.schemes.velocity_gradient import VELOCITY_GRADIENT
 
@@ -21,7 +21,7 @@ dimensions = pytest.mark.parametrize("d", [2, 3])
 
 def arrangement(d, disturbance, **rows):
     cells = 10 if d == 2 else 7
-    fields = (CORRECTION, SECOND_MOMENT, SURFACE_SHARE, VELOCITY_GRADIENT)
+    fields = (CORRECTION, SECOND_MOMENT, WALL_MOMENT, SURFACE_SHARE, VELOCITY_GRADIENT)
     lattice, particles, pairs = table(block(d, cells, disturbance=disturbance), fields=fields, **rows)
     core = inside(particles.numpy("position"), cells, disturbance=disturbance)
     assert core.any()
