@@ -52,7 +52,7 @@ def figure(study: Study, measured: Mapping[Run, Measured], path: Path) -> None:
             axis.set_yscale("log")
         if panel.limits:
             axis.set_ylim(*panel.limits)
-        axis.legend(frameon=False, fontsize="small")
+        axis.legend(framealpha=0.85, edgecolor="none", fontsize="small")
     path.parent.mkdir(parents=True, exist_ok=True)
     drawn.savefig(path, dpi=100)
     plt.close(drawn)
