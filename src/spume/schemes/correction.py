@@ -86,10 +86,10 @@ def second_moment_sum(operator: Operator, lattice: Lattice, over: int = ANY, row
 
 
 @kernels.func
-def along_normal(b, r, solid):  # type: ignore[no-untyped-def]
-    """Return the part of r along the wall's normal at a solid neighbour, as far as ``solid``, 0 or 1, asks for it."""
+def along_normal(b, r, normals):  # type: ignore[no-untyped-def]
+    """Return the part of r along the wall's normal at a solid neighbour, if ``normals`` is 1; r if it is 0."""
     normal = b.to_surface.normalized(1e-30)
-    return kernels.qd.select(b.kind == FLUID, r, r + solid * (r.dot(normal) * normal - r))
+    return kernels.qd.select(b.kind == FLUID, r, r + normals * (r.dot(normal) * normal - r))
 
 
 @pair_term(reads=("to_surface",), shape=("symmetric",))
@@ -98,14 +98,14 @@ def tangential_moment(a, b, r, w):  # type: ignore[no-untyped-def]
     return (squares(r) - r.dot(normal) ** 2 * squares(normal)) * (w / r.dot(r))
 
 
-def wall_moment_sum(operator: Operator, lattice: Lattice, rows: int = FLUID) -> PairSum:
+def wall_moment_sum(operator: Operator, lattice: Lattice) -> PairSum:
     """Return the sum of W [r (x) r - (r . n)^2 n (x) n]/r^2 over solid neighbours into ``wall_moment``.
 
     A solid row says how pressure and velocity change along the normal n of its wall, and nothing of how they change
     along the wall: that is the fluid's to say. A difference towards it then counts with n n . r in the place of r, and
     what the second moment has too much is this sum.
     """
-    return PairSum((tangential_moment,), ("wall_moment",), operator.weight, operator.radius(lattice), rows, SOLID)
+    return PairSum((tangential_moment,), ("wall_moment",), operator.weight, operator.radius(lattice), over=SOLID)
 
 
 def _inverse_or_identity(a, moment, scale, largest_condition):  # type: ignore[no-untyped-def]

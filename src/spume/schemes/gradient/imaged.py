@@ -20,8 +20,8 @@ from spume.schemes.gradient.base import Gradient
 from spume.schemes.surface_images import IMAGE_FIELDS, surface_images
 
 
-def _corrected(a, total, scale, floor, tiny, solid):  # type: ignore[no-untyped-def]
-    matrix = scale * symmetric_matrix(a.second_moment - solid * a.wall_moment)
+def _corrected(a, total, scale, floor, tiny, normals):  # type: ignore[no-untyped-def]
+    matrix = scale * symmetric_matrix(a.second_moment - normals * a.wall_moment)
     total *= scale
     if a.surface_share > 0.0:
         length = 2.0 * a.surface_share * a.surface_distance / max(a.images.norm(), tiny)
@@ -36,8 +36,8 @@ _READ = (
 
 
 @pair_term(reads=_READ, shape=("d",), finish=_corrected)
-def difference(a, b, r, w, scale, floor, tiny, solid):  # type: ignore[no-untyped-def]
-    return (b.value - a.value) * (w / r.dot(r)) * along_normal(b, r, solid)
+def difference(a, b, r, w, scale, floor, tiny, normals):  # type: ignore[no-untyped-def]
+    return (b.value - a.value) * (w / r.dot(r)) * along_normal(b, r, normals)
 
 
 class Imaged(Gradient, name="imaged"):

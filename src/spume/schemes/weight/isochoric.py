@@ -26,9 +26,9 @@ class Isochoric(Weight, name="isochoric"):
 
     With re = 2.1 l0 its sum n is the same to 0.03 % for a square lattice, a hexagonal one and the disordered rows
     of a flow at the same volume in 2D, where (1 - q)^2 gives 1.6 and 0.6 % less; a lattice stretched to 1.5 in any of
-    three directions changes it by 0.8 % at most, where it is 2.3 % there. In 3D disorder leaves 0.7 in place of
-    1.6 to 2.2 %. The coefficients minimise a sum of such squares, with the scatter of n in the disordered rows among
-    them. Smooth at re. (This project.)
+    three directions changes it by 0.8 % at most, where it is 2.1 % there (`validation/number-density/check.py`). In 3D
+    disorder leaves 0.7 in place of 1.6 to 2.2 %. The coefficients minimise a sum of such squares, with the scatter of n
+    in the disordered rows among them. Smooth at re. (This project.)
     """
 
     reference: ClassVar = "pan2008"
