@@ -25,6 +25,7 @@ os.environ.setdefault("QD_ENABLE_PYBUF", "0")  # in a notebook it would say that
 import numpy as np
 import quadrants as qd
 
+from spume.fast_start import remember
 from spume.launch import launcher
 
 log = logging.getLogger("spume")
@@ -365,6 +366,7 @@ def kernel(function: Callable[..., Any] | None = None, *, graph: bool = False) -
     if function is None:
         return lambda function: kernel(function, graph=graph)
     made = qd.kernel(function, graph=graph)
+    remember(made, function, qd, _circumstances)
     mapper = getattr(getattr(made, "_primal", None), "mapper", None)
     if mapper is None:  # another version of the language: as it is
         return made
@@ -378,6 +380,13 @@ def kernel(function: Callable[..., Any] | None = None, *, graph: bool = False) -
 
     mapper.lookup = looked_up
     return launcher(made, qd)
+
+
+@cached
+def _circumstances() -> str:
+    """Return what the compiler depends on beside the code."""
+    caching = qd.lang._fast_caching.config_hasher
+    return f"{qd.__version__} {runtime()} {caching.hash_compile_config()} {caching.hash_device_caps()}"
 
 
 def wait() -> None:
