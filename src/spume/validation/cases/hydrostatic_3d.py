@@ -2,4 +2,4 @@
 
 from spume.validation.cases.hydrostatic import of
 
-STUDY = of("hydrostatic-3d", "1b", 0.25, (5, 10, 20), (6,), 0.03)
+STUDY = of("hydrostatic-3d", "1b", 0.25, (10, 20, 40), (6,), 0.03)
