@@ -172,3 +172,21 @@ def test_recursive_function_has_one():
         return again(x - 1.0) if x > 0.0 else x
 
     assert fingerprint.fingerprint(again)
+
+
+def test_kernel_that_takes_a_function_is_another_one_for_each():
+    n, qd = 4, kernels.qd
+    out = kernels.array(kernels.i32, n)
+    for number in (1, 2):
+
+        @kernels.func
+        def value():
+            return number  # noqa: B023
+
+        @kernels.kernel
+        def write(target: kernels.array_type(kernels.i32), function: qd.template()):
+            for i in range(n):
+                target[i] = function()
+
+        write(out, value)
+        assert out.to_numpy().tolist() == [number] * n

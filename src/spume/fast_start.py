@@ -24,8 +24,19 @@ class _Nothing(set[Any]):
         """Leave it out."""
 
 
+def _open(annotation: Any) -> bool:
+    """Return whether an argument of this annotation may be of several types."""
+    kind = annotation if isinstance(annotation, type) else type(annotation)
+    if kind.__name__.lower() == "template":
+        return True
+    return any(getattr(annotation, name, "none") is None for name in ("dtype", "ndim"))
+
+
 def remember(made: Any, function: Callable[..., Any], language: Any, circumstances: Callable[[], str]) -> None:
     """Let a kernel be loaded where it was compiled before from the same code; where that cannot be known, do nothing.
+
+    The annotations of its arguments must say all of their types: a kernel that takes a function as its argument, or
+    arrays of any type, is another one for each.
 
     Args:
         made: what the decorator of the kernel language returned.
@@ -41,6 +52,8 @@ def remember(made: Any, function: Callable[..., Any], language: Any, circumstanc
         return
 
     def key() -> str | None:
+        if any(_open(argument.annotation) for argument in kernel.arg_metas):
+            return None
         try:
             text = "\n".join((package_digest(), circumstances(), fingerprint(function)))
         except Unknown as thing:
