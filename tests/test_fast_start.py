@@ -190,3 +190,19 @@ def test_kernel_that_takes_a_function_is_another_one_for_each():
 
         write(out, value)
         assert out.to_numpy().tolist() == [number] * n
+
+
+def test_cache_that_cannot_be_read_is_left_alone(monkeypatch):
+    def refuse(key: str) -> None:
+        raise PermissionError(key)
+
+    monkeypatch.setattr(kernels.qd.lang._fast_caching.src_hasher, "load", refuse)
+    out = kernels.array(kernels.i32, 4)
+
+    @kernels.kernel
+    def write(target: kernels.array_type(kernels.i32)):
+        for i in range(4):
+            target[i] = 7 * i
+
+    write(out)
+    assert out.to_numpy().tolist() == [0, 7, 14, 21]

@@ -64,7 +64,11 @@ def remember(made: Any, function: Callable[..., Any], language: Any, circumstanc
     def load(arguments: tuple[Any, ...], place: Any) -> set[str] | None:
         kernel.visited_functions = _Nothing()
         kernel.fast_checksum = key()
-        found = caching.load(kernel.fast_checksum) if kernel.fast_checksum else None
+        try:
+            found = caching.load(kernel.fast_checksum) if kernel.fast_checksum else None
+        except OSError as error:  # a cache of somebody else, say
+            log.debug("kernel %s is translated: %s", function.__name__, error)
+            found = kernel.fast_checksum = None
         if found is None:
             return None
         program = language.lang.impl.get_runtime().prog
