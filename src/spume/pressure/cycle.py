@@ -24,9 +24,6 @@ RESTRICT, CORRECT, POLISH, SOLVE, FIRST, SECOND, RUN = range(7)
 RIGHT, REST, IMAGE_OF_DIRECTION, ITERATIONS, STEP, TURN = 0, 1, 2, 4, 5, 6
 SCALARS = 8
 
-OVERCORRECTION = 1.3
-"""Factor of a coarse correction: one that is constant in each aggregate is too stiff, and falls short (Braess 1995)."""
-
 SHRINKING = 0.6
 """Largest ratio of the rows of two levels at which inner iterations on the finer one pay."""
 
@@ -117,7 +114,7 @@ def cycle_stages(symmetric: bool, entries: Entries) -> Any:
             i = at + level.row[t]
             c = level.aggregate[i]
             if c >= 0:
-                level.old[i] = level.old[i] + qd.cast(OVERCORRECTION, f32) * coarse.new[to + c]
+                level.old[i] = level.old[i] + coarse.new[to + c]
 
     @kernels.func
     def polish(b: i32, parts: i32, level: Level, at: i32, n: i32):  # type: ignore[no-untyped-def, valid-type]
