@@ -80,7 +80,7 @@ def _measured(sensor: int) -> Mapping[str, Curve]:
 
 
 REPEATS = 10
-"""Runs at the resolution that is judged: the impact of a thin tip is chaotic, single runs scatter by 0.03 ρgH, means of five by 0.01."""
+"""Runs at the resolution that is judged: the impact of a thin tip is chaotic, single runs scatter by 0.03 ρgH."""
 
 
 def of(case: str, number: str, sizes: tuple[int, ...], quick: tuple[int, ...], judged: bool) -> Study:
