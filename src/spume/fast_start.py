@@ -46,6 +46,7 @@ def remember(made: Any, function: Callable[..., Any], language: Any, circumstanc
     """
     try:
         kernel, caching = made._primal, language.lang._fast_caching.src_hasher
+        language.lang._fast_caching.config_hasher  # noqa: B018  (for the circumstances)
         level = sys.modules[type(kernel).__module__].GraphDoWhileLevel
         kernel._try_load_fastcache, kernel._maybe_persist_l1_and_set_l2_key, kernel.visited_functions  # noqa: B018
     except AttributeError:  # another version of the language: it translates

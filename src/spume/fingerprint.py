@@ -6,16 +6,13 @@ not say that: a function here is often made for a weight, a view or a number of 
 
 import dataclasses
 import dis
-import enum
 import functools
 import hashlib
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from types import BuiltinFunctionType, CodeType, FunctionType, GenericAlias, ModuleType, SimpleNamespace, UnionType
+from types import CodeType, FunctionType, ModuleType, SimpleNamespace
 from typing import Any
-
-import numpy as np
 
 OWN, LANGUAGE = "spume", "quadrants"
 
@@ -58,7 +55,7 @@ class _Writer:
         self._met: dict[int, tuple[int, Any]] = {}
 
     def of(self, thing: Any) -> str:
-        if thing is None or isinstance(thing, bool | int | float | complex | str | bytes) or thing is ...:
+        if thing is None or isinstance(thing, bool | int | float | str | bytes):
             return f"{type(thing).__name__}:{thing!r}"
         if id(thing) in self._met:
             return f"#{self._met[id(thing)][0]}"
@@ -74,24 +71,10 @@ class _Writer:
             return self._module(thing)
         if isinstance(thing, type):
             return self._class(thing)
-        if isinstance(thing, BuiltinFunctionType | np.ufunc):
-            return f"{getattr(thing, '__module__', '')}.{thing.__name__}"
-        if isinstance(thing, np.ndarray):
-            return f"{thing.dtype}{thing.shape}{thing.tolist()}"
-        if isinstance(thing, np.generic):
-            return f"{thing.dtype}{thing.item()!r}"
-        if isinstance(thing, enum.Enum):
-            return thing.name
         if isinstance(thing, tuple | list):
             return ",".join(self.of(part) for part in thing)
-        if isinstance(thing, set | frozenset):
-            return ",".join(sorted(_Writer().of(part) for part in thing))
-        if isinstance(thing, Mapping):
+        if isinstance(thing, dict):
             return ",".join(f"{self.of(key)}={self.of(part)}" for key, part in thing.items())
-        if isinstance(thing, UnionType | GenericAlias) or type(thing).__module__ in ("typing", "collections.abc"):
-            return repr(thing)  # an annotation
-        if isinstance(thing, functools.partial):
-            return self.of((thing.func, thing.args, thing.keywords))
         if isinstance(thing, SimpleNamespace) or (
             dataclasses.is_dataclass(thing) and _belongs(type(thing).__module__, OWN)
         ):
@@ -128,12 +111,7 @@ class _Writer:
 
     def _module(self, module: ModuleType) -> str:
         name = module.__name__
-        if (
-            _belongs(name, OWN)
-            or _belongs(name, LANGUAGE)
-            or name in sys.stdlib_module_names
-            or _belongs(name, "numpy")
-        ):
+        if _belongs(name, OWN) or _belongs(name, LANGUAGE) or name in sys.stdlib_module_names:
             return name
         try:
             return name + hashlib.sha256(Path(str(module.__file__)).read_bytes()).hexdigest()
@@ -144,7 +122,7 @@ class _Writer:
         name = f"{kind.__module__}.{kind.__qualname__}"
         if dataclasses.is_dataclass(kind):  # one that was made for a number of chunks has no text of its own
             return name + self.of({field.name: field.type for field in dataclasses.fields(kind)})
-        if not any(_belongs(kind.__module__, known) for known in (OWN, LANGUAGE, "builtins", "typing", "numpy")):
+        if not any(_belongs(kind.__module__, known) for known in (OWN, LANGUAGE, "builtins")):
             raise Unknown(name)
         return name
 
