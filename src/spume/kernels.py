@@ -25,6 +25,7 @@ os.environ.setdefault("QD_ENABLE_PYBUF", "0")  # in a notebook it would say that
 import numpy as np
 import quadrants as qd
 
+from spume import affinity
 from spume.fast_start import remember
 from spume.launch import launcher
 
@@ -234,6 +235,7 @@ def initialize(device: str | None = None, threads: int | None = None, precision:
     if wanted == _runtime:
         return wanted
     folder = cache_folder()
+    before = affinity.threads_of_process()
     try:
         with contextlib.redirect_stdout(io.StringIO()):
             qd.init(
@@ -250,6 +252,8 @@ def initialize(device: str | None = None, threads: int | None = None, precision:
             )
     except Exception as error:
         raise DeviceError(f"device = {device!r}: not available on this machine ({error})") from error
+    if device == "cpu":
+        affinity.settle(before, threads)
     _runtime = wanted
     for clear in _caches:
         clear()
