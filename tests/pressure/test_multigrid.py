@@ -7,7 +7,7 @@ import scipy.sparse.linalg
 from arrangements import block, table
 from conftest import initialized
 from spume import kernels
-from spume.pressure import aggregation, cycle, multigrid
+from spume.pressure import aggregation, cycle, multigrid, team_iteration
 from spume.pressure.base import NotConverged
 from spume.pressure.components import COMPONENT, Components
 from spume.pressure.conjugate_gradient import ConjugateGradient
@@ -321,3 +321,22 @@ def test_however_little_it_matters_a_row_is_solved_to_a_thousandth(runtime, solv
     rest = np.linalg.norm(rhs - matrix @ particles.numpy("pressure")[unknown]) / np.linalg.norm(rhs)
     assert 1e-6 < rest <= 1.01e-3
     assert 0 < solution.residual <= 1e-9
+
+
+def test_stages_of_an_iteration_follow_the_cycle():
+    cycle_of_two = [(cycle.SOLVE, 1)]
+    assert team_iteration.stages_of([]) == [
+        (cycle.POLISH, 0), (team_iteration.PRODUCTS, 0), (team_iteration.ADVANCE, 0)
+    ]  # fmt: skip
+    assert team_iteration.stages_of(cycle_of_two) == [
+        (team_iteration.LEAVE, 0), (cycle.RESTRICT, 0), (cycle.SOLVE, 1), (cycle.CORRECT, 0), (cycle.POLISH, 0),
+        (team_iteration.PRODUCTS, 0), (team_iteration.ADVANCE, 0),
+    ]  # fmt: skip
+    deep = team_iteration.stages_of(cycle.program(4, frozenset({1})))
+    steps = [step for step in deep if step[0] in (team_iteration.FIRST_STEP, team_iteration.SECOND_STEP)]
+    assert steps == [(team_iteration.FIRST_STEP, 1), (team_iteration.SECOND_STEP, 1)]
+    assert deep[deep.index(steps[0]) - 1] == (cycle.FIRST, 1)
+    # Who restricts first notes what is left over; the two are always beside each other.
+    assert all(
+        deep[k - 1] == (team_iteration.LEAVE, level) for k, (op, level) in enumerate(deep) if op == cycle.RESTRICT
+    )

@@ -55,12 +55,12 @@ def blocks(rows: int = PARALLEL_ROWS + 1) -> int:
 def alone(rows: int) -> bool:
     """Return whether one thread, in a single launch, solves a table of so many rows faster than all of them.
 
-    A cycle is a dozen short loops, each of which wakes the pool of threads (0.1 to 0.5 ms).
+    Levels are set up in a dozen short loops, each of which wakes the pool of threads.
     """
     runtime = kernels.runtime()
     if runtime.wide:
         return False
-    return runtime.serial or rows * (runtime.threads - 1) < 18_000 * runtime.threads
+    return runtime.serial or rows * (runtime.threads - 1) < 3_000 * runtime.threads
 
 
 def stretches(rows: int = 1) -> int:

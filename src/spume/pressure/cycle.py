@@ -297,7 +297,9 @@ def outer_stages(symmetric: bool, entries: Entries) -> Any:
             rr += rest * rest
         partial[3 * b] = rr
 
-    return SimpleNamespace(residual=residual, begin=begin, products=products, decide=decide, advance=advance)
+    return SimpleNamespace(
+        residual=residual, begin=begin, products=products, decide=decide, advance=advance, total=total
+    )
 
 
 @kernels.cached

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field as Parameter
 
-from spume import kernels, lanes
+from spume import kernels, lanes, team
 from spume.particles import Particles
-from spume.pressure import aggregation, coarsest, cycle, iteration, levels, wide_levels
+from spume.pressure import aggregation, coarsest, cycle, levels, team_iteration, wide_iteration, wide_levels
 from spume.pressure.base import NotConverged, Solution, Solver
 from spume.pressure.bicgstab import StabilisedBiconjugateGradient
 from spume.pressure.conjugate_gradient import ConjugateGradient, negligible, solution
@@ -120,8 +120,13 @@ class _Workspace:
                 level, self._coarse, self._table, self._operations, self._length, *vectors, self._image, self._partial,
                 self._scalars, solver.tolerance, *self._negligible, solver.largest_iterations,
             )  # fmt: skip
+        elif wide:
+            self._iterate_wide(level, vectors, solver, system)
         else:
-            self._iterate(level, vectors, solver, system)
+            team_iteration.solve_in_team(system.symmetric, system.entries)(
+                level, self._coarse, self._table, self._stages, self._number, *vectors, self._image, self._partial,
+                self._scalars, self._board, solver.tolerance, *self._negligible, solver.largest_iterations,
+            )  # fmt: skip
         return solution(kernels.host(self._scalars), solver)
 
     def sizes(self) -> list[tuple[int, int]]:
@@ -177,32 +182,29 @@ class _Workspace:
         self._host_table = table
         return int(table[aggregation.DEPTH]), int(table[aggregation.OVERFLOW])
 
-    def _iterate(self, level: Any, vectors: list[Any], solver: Multigrid, system: LinearSystem) -> None:
-        """Iterate with all threads on the large levels; runs of operations on small ones are one task each."""
+    def _iterate_wide(self, level: Any, vectors: list[Any], solver: Multigrid, system: LinearSystem) -> None:
+        """Iterate with a thread for each row; what is solved directly is one task."""
         diagonal, x, rhs, r, p, q = vectors
         table, n = self._host_table, int(self._host_table[1])
-        iteration.start_kernel(system.symmetric, system.entries)(
+        wide_iteration.start_kernel(system.symmetric, system.entries)(
             level, diagonal, x, rhs, r, p, q, self._partial, self._scalars, self._running, solver.tolerance,
             *self._negligible, n, self._parts,
         )  # fmt: skip
         if int(kernels.host(self._running)) == 0:
             return
-        tasks, runs = iteration.tasks_of(self._steps, self._spread_out)
+        tasks, runs = wide_iteration.tasks_of(self._steps, self._spread_out)
         named = [k for operation, k in tasks if operation != cycle.RUN]
         levels = min(max(named, default=0) + 1, int(table[aggregation.DEPTH]) - 1)
-        iteration.iterate_kernel(system.symmetric, system.entries, tasks, levels)(
+        wide_iteration.iterate_kernel(system.symmetric, system.entries, tasks, levels)(
             level, self._coarse, self._table, self._operations, diagonal, x, r, p, q, self._image, self._partial,
             self._scalars, self._running, solver.tolerance, solver.largest_iterations, self._parts, n,
             *(int(number) for number in table[2 : 2 * (levels + 1)]), *runs,
         )  # fmt: skip
 
     def _spread_out(self, level: int) -> bool:
-        """Return whether many threads work on a coarse level."""
+        """Return whether many threads work on a coarse level: all but one that is solved directly."""
         table = self._host_table
-        last = level + 1 == int(table[aggregation.DEPTH])
-        if kernels.runtime().wide:
-            return not (last and table[aggregation.BAND] >= 0)
-        return not last and aggregation.blocks(int(table[2 * level + 1])) > 1
+        return not (level + 1 == int(table[aggregation.DEPTH]) and table[aggregation.BAND] >= 0)
 
     def _plan(self, depth: int, most: int) -> None:
         inner = cycle.inner_levels(kernels.host(self._table)[3 : 2 * depth : 2].tolist(), most)
@@ -215,6 +217,12 @@ class _Workspace:
         padded = np.zeros(self._operations.shape[0], dtype=np.int32)
         padded[: len(operations)] = operations
         self._operations.from_numpy(padded)
+        if not kernels.runtime().serial:
+            stages = team_iteration.stages_of(self._steps)
+            self._stages = kernels.array(kernels.i32, 2 * len(stages))
+            self._stages.from_numpy(np.array(stages, np.int32).ravel())
+            self._number = len(stages)
+            self._board = team.board()
         self._program = (depth, inner)
 
     def _reserve(self, capacity: int, rows: int, slots: int) -> None:

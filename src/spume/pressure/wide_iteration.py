@@ -1,14 +1,14 @@
-"""The multigrid iteration with many threads: one graph of loops, which the device repeats by itself.
+"""The multigrid iteration with a thread for each row: one graph of loops, which the device repeats by itself.
 
-The program of a cycle is written out, each operation on a large level a loop of its own, over parts of its rows on a
-processor and over single rows elsewhere (see `spume.lanes`); operations on small levels are one task of one thread.
+The program of a cycle is written out, each operation on a level a loop of its own over its rows (see `spume.lanes`);
+what is solved directly is one task of one thread.
 """
 
 from collections.abc import Callable, Sequence
 from typing import Any
 
 from spume import kernels, lanes
-from spume.pressure.aggregation import blocks, level_type
+from spume.pressure.aggregation import level_type
 from spume.pressure.cycle import (
     CORRECT,
     FIRST,
@@ -24,6 +24,9 @@ from spume.pressure.cycle import (
     run_function,
 )
 from spume.pressure.entries import SINGLES, Entries
+
+_TOGETHER = 128
+"""Threads that a device starts together."""
 
 Task = tuple[int, int]
 """Operation and level; that of RUN is the number of the run."""
@@ -52,11 +55,6 @@ def tasks_of(
     return tuple(tasks), runs
 
 
-def _looping() -> tuple[int, int]:
-    """Return what loops over parts need: how far they are stretched, and how many threads work together."""
-    return (1, 128) if kernels.runtime().wide else (kernels.spread(blocks()), 1)
-
-
 @kernels.cached
 def start_kernel(symmetric: bool, entries: Entries) -> Any:
     """Return the kernel that computes the first residual and says whether there is anything to iterate."""
@@ -64,18 +62,15 @@ def start_kernel(symmetric: bool, entries: Entries) -> Any:
     Level, Reals = level_type(entries), kernels.array_type(real)
     Flag = qd.types.ndarray(dtype=i32, ndim=0)
     o, fold, every = outer_stages(symmetric, entries), lanes.fold().fold, lanes.parts_of().every
-    spread, together = _looping()
 
     @kernels.kernel
     def start(
         level: Level, diagonal: Reals, x: Reals, rhs: Reals, r: Reals, p: Reals, q: Reals, partial: Reals,  # type: ignore[valid-type]
         scalars: Reals, running: Flag, tolerance: real, floor: real, loosest: real, n: i32, parts: i32,  # type: ignore[valid-type]
     ):  # fmt: skip
-        qd.loop_config(block_dim=together)
-        for t in range(every(parts, n) * spread):
-            if t % spread == 0:
-                b = t // spread
-                o.residual(b, every(parts, n), level, diagonal, x, rhs, r, p, q, partial, floor, loosest, n)
+        qd.loop_config(block_dim=_TOGETHER)
+        for b in range(every(parts, n)):
+            o.residual(b, every(parts, n), level, diagonal, x, rhs, r, p, q, partial, floor, loosest, n)
         fold(partial, n)
         qd.loop_config(serialize=True)
         for _ in range(1):
@@ -97,13 +92,12 @@ def iterate_kernel(symmetric: bool, entries: Entries, tasks: tuple[Task, ...], l
     """
     qd = kernels.qd
     Reals, Rows = kernels.array_type(kernels.runtime().real), kernels.array_type(kernels.i32)
-    spread, together = _looping()
     scope: dict[str, Any] = {
         "Level": level_type(entries), "Coarse": level_type(SINGLES), "Reals": Reals, "Rows": Rows,
         "Flag": qd.types.ndarray(dtype=kernels.i32, ndim=0), "real": kernels.runtime().real,
         "f": cycle_stages(symmetric, entries), "c": cycle_stages(symmetric, SINGLES),
         "o": outer_stages(symmetric, entries), "fold": lanes.fold().fold, "total": lanes.fold().total,
-        "run": run_function(symmetric), "every": lanes.parts_of().every, "spread": spread, "together": together,
+        "run": run_function(symmetric), "every": lanes.parts_of().every, "together": _TOGETHER,
     }  # fmt: skip
     body: list[str] = []
 
@@ -111,9 +105,8 @@ def iterate_kernel(symmetric: bool, entries: Entries, tasks: tuple[Task, ...], l
         body.extend(
             [
                 "qd.loop_config(block_dim=together)",
-                f"for t in range(every(parts, {n}) * spread):",
-                "    if t % spread == 0:",
-                f"        {call.replace('PART', f't // spread, every(parts, {n})')}",
+                f"for b in range(every(parts, {n})):",
+                f"    {call.replace('PART', f'b, every(parts, {n})')}",
             ]
         )
 
