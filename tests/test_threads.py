@@ -12,7 +12,6 @@ from spume.pressure import aggregation, multigrid
 @pytest.fixture
 def everything_in_threads(monkeypatch):
     """Let few rows be worked on by as many threads as there are, which else only pays for many."""
-    monkeypatch.setattr(aggregation, "PARALLEL_ROWS", 100)
     monkeypatch.setattr(aggregation, "alone", lambda rows: kernels.runtime().serial)
     monkeypatch.setattr(kernels, "light", lambda rows: kernels.runtime().serial)
     multigrid._workspace.cache_clear()

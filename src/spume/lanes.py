@@ -160,16 +160,19 @@ def exclusive_sums(serial: bool = False) -> Any:
 def _sums_by_parts(serial: bool) -> Any:
     qd, i32 = kernels.qd, kernels.i32
     Rows, parts = kernels.array_type(i32), _PARTS
+    spread = 1 if serial else kernels.spread(parts)
 
     @kernels.func
     def scan(counts: Rows, start: Rows, sums: Rows, n: i32):  # type: ignore[no-untyped-def, valid-type]
         qd.loop_config(serialize=serial)
-        for b in range(parts):
-            size = (n + parts - 1) // parts
-            total = 0
-            for c in range(qd.min(b * size, n), qd.min((b + 1) * size, n)):
-                total += counts[c]
-            sums[b] = total
+        for t in range(parts * spread):
+            if t % spread == 0:
+                b = t // spread
+                size = (n + parts - 1) // parts
+                total = 0
+                for c in range(qd.min(b * size, n), qd.min((b + 1) * size, n)):
+                    total += counts[c]
+                sums[b] = total
         qd.loop_config(serialize=True)
         for _ in range(1):
             total = 0
@@ -179,14 +182,16 @@ def _sums_by_parts(serial: bool) -> Any:
                 total += own
             start[n] = total
         qd.loop_config(serialize=serial)
-        for b in range(parts):
-            size = (n + parts - 1) // parts
-            total = sums[b]
-            for c in range(qd.min(b * size, n), qd.min((b + 1) * size, n)):
-                own = counts[c]
-                start[c] = total
-                counts[c] = total
-                total += own
+        for t in range(parts * spread):
+            if t % spread == 0:
+                b = t // spread
+                size = (n + parts - 1) // parts
+                total = sums[b]
+                for c in range(qd.min(b * size, n), qd.min((b + 1) * size, n)):
+                    own = counts[c]
+                    start[c] = total
+                    counts[c] = total
+                    total += own
 
     return scan
 

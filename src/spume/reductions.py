@@ -73,7 +73,8 @@ def reduction(
         return found
 
     scope: dict[str, Any] = {
-        "real": real, "huge": huge, "no_nan": no_nan, "serial": serial, "blocks": blocks, "reduced": lanes.REDUCED,
+        "real": real, "huge": huge, "no_nan": no_nan, "serial": serial, "few": not runtime.wide, "blocks": blocks,
+        "reduced": lanes.REDUCED,
         "share": blocks // lanes.REDUCED, "spread": 1 if serial else kernels.spread(blocks),
         "Partial": kernels.array_type(real), **{f"In_{n}": kernels.array_type(t) for n, t in arrays.items()},
     }  # fmt: skip
@@ -92,7 +93,7 @@ def reduction(
         f"                if {where}:",
         *[f"                    s{k} = {join.format(f's{k}', f'qd.cast({values[k]}, real)')}" for k in own],
         *[f"            partial[{width} * b + {k}] = s{k}" for k in own],
-        "    qd.loop_config(serialize=serial)",
+        "    qd.loop_config(serialize=few)",
         "    for c in range(reduced):",
         *[f"        {line}" for line in begin],
         "        for m in range(share):",

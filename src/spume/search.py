@@ -334,7 +334,7 @@ def _wrap_and_bound_kernel(d: int, periodic: tuple[bool, ...], serial: bool) -> 
     lower = ", ".join(f"lower{k}: real" for k in range(d))
     period = ", ".join(f"period{k}: real" for k in range(d))
     wraps = [
-        f"            position[i][{k}] -= period{k} * qd.floor((position[i][{k}] - lower{k}) / period{k})"
+        f"                position[i][{k}] -= period{k} * qd.floor((position[i][{k}] - lower{k}) / period{k})"
         for k in range(d)
         if periodic[k]
     ]
@@ -343,22 +343,24 @@ def _wrap_and_bound_kernel(d: int, periodic: tuple[bool, ...], serial: bool) -> 
     lines = [
         f"def wrap_and_bound(position: Vectors, partial: Vectors, found: Vectors, count: qd.i32, {lower}, {period}):",
         "    qd.loop_config(serialize=serial)",
-        "    for b in range(blocks):",
-        "        low = Vector(largest)",
-        "        high = Vector(-largest)",
-        "        for i in range(qd.cast(qd.cast(count, qd.i64) * b // blocks, qd.i32),",
-        "                       qd.cast(qd.cast(count, qd.i64) * (b + 1) // blocks, qd.i32)):",
+        "    for t in range(blocks * spread):",
+        "        if t % spread == 0:",
+        "            b = t // spread",
+        "            low = Vector(largest)",
+        "            high = Vector(-largest)",
+        "            for i in range(qd.cast(qd.cast(count, qd.i64) * b // blocks, qd.i32),",
+        "                           qd.cast(qd.cast(count, qd.i64) * (b + 1) // blocks, qd.i32)):",
         *wraps,
-        "            x = position[i]",
+        "                x = position[i]",
         # Comparisons with NaN are false, so a NaN position leaves no trace in min and max: flag it.
-        "            for k in qd.static(range(d)):",
-        "                if not (qd.abs(x[k]) < largest):",
-        "                    x[k] = largest",
-        "            low = qd.min(low, x)",
-        "            high = qd.max(high, x)",
-        "        partial[b] = low",
-        "        partial[blocks + b] = high",
-        "    qd.loop_config(serialize=serial)",
+        "                for k in qd.static(range(d)):",
+        "                    if not (qd.abs(x[k]) < largest):",
+        "                        x[k] = largest",
+        "                low = qd.min(low, x)",
+        "                high = qd.max(high, x)",
+        "            partial[b] = low",
+        "            partial[blocks + b] = high",
+        "    qd.loop_config(serialize=few)",
         "    for c in range(reduced):",
         "        low = Vector(largest)",
         "        high = Vector(-largest)",
@@ -370,7 +372,8 @@ def _wrap_and_bound_kernel(d: int, periodic: tuple[bool, ...], serial: bool) -> 
     ]
     return kernels.compiled(
         "wrap_and_bound", "\n".join(lines) + "\n", Vectors=Vectors, real=real, d=d,
-        Vector=kernels.vector(d), blocks=blocks, serial=serial, reduced=lanes.REDUCED, share=blocks // lanes.REDUCED,
+        Vector=kernels.vector(d), blocks=blocks, serial=serial, few=not kernels.runtime().wide, reduced=lanes.REDUCED,
+        spread=1 if serial else kernels.spread(blocks), share=blocks // lanes.REDUCED,
         largest=float(np.finfo(kernels.runtime().dtype).max),
     )  # fmt: skip
 

@@ -16,6 +16,12 @@ from spume import kernels
 END = 1 << 30
 """Number of the stage after the last one."""
 
+ROWS_OF_PART = 128
+"""Rows of a part, at least: what is shared must take longer than the sharing, 0.2 to 1 µs."""
+
+PARTS_OF_THREAD = 4
+"""Parts for each thread, at most: more even shares than one each, when a thread is held up."""
+
 _CLAIM, _DONE = 0, 16
 """Words of the board, in different cache lines: the stage (times 2³²) and the number of its parts taken; those done."""
 
@@ -35,14 +41,20 @@ def lanes() -> int:
     return kernels.spread(kernels.runtime().threads)
 
 
+def most_parts() -> int:
+    """Return how many parts a stage has at most."""
+    return PARTS_OF_THREAD * kernels.runtime().threads
+
+
 @kernels.cached
 def calls() -> Any:
     """Return the functions with which the threads of a team agree.
 
+    * ``parts(n)``: how many parts n rows are worth;
     * ``gather(board)``: before the team sets out, in one thread;
     * ``take(board)``: take a part; returns its stage times 2³² plus its number, which may be beyond the last one's;
     * ``stage(taken)`` and ``part(taken)``: the two;
-    * ``last(board, parts)``: note that a part is done; returns 1 to who did the last one of so many, else 0;
+    * ``last(board, number)``: note that a part is done; returns 1 to who did the last one of that many, else 0;
     * ``open(board, stage)``: let the team go on to a stage of higher number, ``END`` to stop;
     * ``wait(board, stage)``: until the team is at another stage.
 
@@ -50,7 +62,11 @@ def calls() -> Any:
     """
     qd, i32, i64 = kernels.qd, kernels.i32, kernels.i64
     Board = board_type()
-    claim, done = _CLAIM, _DONE
+    claim, done, rows_of_part, most = _CLAIM, _DONE, ROWS_OF_PART, most_parts()
+
+    @kernels.func
+    def parts(n: i32):
+        return qd.max(qd.min(n // rows_of_part, most), 1)
 
     @kernels.func
     def gather(board: Board):
@@ -70,10 +86,10 @@ def calls() -> Any:
         return qd.cast(taken - ((taken >> 32) << 32), i32)
 
     @kernels.func
-    def last(board: Board, parts: i32):
+    def last(board: Board, number: i32):
         is_last = 0
-        if qd.atomic_add(board[done], qd.cast(1, i64)) + 1 == parts:
-            qd.atomic_add(board[done], qd.cast(-parts, i64))
+        if qd.atomic_add(board[done], qd.cast(1, i64)) + 1 == number:
+            qd.atomic_add(board[done], qd.cast(-number, i64))
             is_last = 1
         return is_last
 
@@ -87,4 +103,6 @@ def calls() -> Any:
         while now == stage:
             now = qd.cast(qd.atomic_add(board[claim], qd.cast(0, i64)) >> 32, i32)
 
-    return SimpleNamespace(gather=gather, take=take, stage=stage, part=part, last=last, open=open_stage, wait=wait)
+    return SimpleNamespace(
+        parts=parts, gather=gather, take=take, stage=stage, part=part, last=last, open=open_stage, wait=wait
+    )

@@ -6,7 +6,7 @@ import scipy.sparse.linalg
 
 from arrangements import block, table
 from conftest import initialized
-from spume import kernels
+from spume import kernels, team
 from spume.pressure import aggregation, cycle, multigrid, team_iteration
 from spume.pressure.base import NotConverged
 from spume.pressure.components import COMPONENT, Components
@@ -214,7 +214,7 @@ def test_room_is_made_as_needed(device, threads, monkeypatch):
     monkeypatch.setattr(multigrid, "ROOM", (0.001, 0.01))
     multigrid._workspace.cache_clear()
     position = block(2, 110, disturbance=0.2)
-    assert len(position) > aggregation.PARALLEL_ROWS
+    assert aggregation.alone(len(position)) == (threads == 1)
     particles, system = assembled(position, position[:, 1] > 5.3)
     solution, _, _ = solved(particles, system, 1e-8)
     assert solution.iterations <= 18
@@ -234,11 +234,12 @@ def test_not_converged(runtime):
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_the_same_bits_again(device, threads):
-    """Enough rows that with two threads the first coarse level, too, is built and worked on by both."""
+    """Enough rows that two threads share those of the first coarse level, too."""
     initialized(device, threads, "double")
-    position = block(2, 230, disturbance=0.2)
-    assert len(position) > 4.5 * aggregation.PARALLEL_ROWS
-    particles, system = assembled(position, position[:, 1] > 11.3)
+    position = block(2, 120, disturbance=0.2)
+    assert aggregation.alone(len(position)) == (threads == 1)
+    assert len(position) > 2 * 4 * team.ROWS_OF_PART
+    particles, system = assembled(position, position[:, 1] > 5.8)
     found = []
     for _ in range(3):
         particles.set("pressure", np.zeros(particles.count))

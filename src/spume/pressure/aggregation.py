@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
-from spume import kernels, lanes
+from spume import kernels, lanes, team
 from spume.pressure.entries import SINGLES, Entries, entry_functions, matrix_type
 from spume.pressure.matrix import UNKNOWN
 
@@ -27,9 +27,6 @@ STRONG = 0.05
 """A connection is strong if |a_ij| is at least this part of sqrt(a_ii a_jj)."""
 DOMINANT = 0.5
 """A coarse row that is tied to a known pressure by more than this part of its diagonal is left to the sweeps alone."""
-PARALLEL_ROWS = 10_000
-"""Levels with fewer rows are worked on by one thread: waking the others costs more than it saves."""
-
 SURVEYED = 1 << 15
 """Parts in which wide devices list the rows that have an equation."""
 
@@ -42,20 +39,18 @@ TABLE = _COUNTERS + 8
 TOO_FEW_ROWS, TOO_FEW_SLOTS = 1, 2
 
 
-def blocks(rows: int = PARALLEL_ROWS + 1) -> int:
-    """Return how many blocks of rows are worked on side by side on a level of so many rows."""
+def blocks() -> int:
+    """Return how many parts of the rows are worked on side by side, at most."""
     runtime = kernels.runtime()
     if runtime.wide:
         return SURVEYED
-    if runtime.serial or rows <= PARALLEL_ROWS:
-        return 1
-    return 16 * runtime.threads
+    return 1 if runtime.serial else team.most_parts()
 
 
 def alone(rows: int) -> bool:
     """Return whether one thread, in a single launch, solves a table of so many rows faster than all of them.
 
-    Levels are set up in a dozen short loops, each of which wakes the pool of threads.
+    That takes the pool of threads no time to wake, and no stage of a cycle has to be agreed on.
     """
     runtime = kernels.runtime()
     if runtime.wide:
@@ -68,7 +63,7 @@ def stretches(rows: int = 1) -> int:
     runtime = kernels.runtime()
     if runtime.wide:
         return 0  # a row's columns are found by looking through those that it has
-    return max(min(4 * runtime.threads, kernels.LONGEST_ARRAY // rows), 1)
+    return max(min(team.most_parts(), kernels.LONGEST_ARRAY // rows), 1)
 
 
 @kernels.cached

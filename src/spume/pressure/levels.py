@@ -1,4 +1,4 @@
-"""Kernels that build the levels of the multigrid method, in one thread or with all of them."""
+"""The kernel that builds the levels of the multigrid method in one thread."""
 
 from typing import Any
 
@@ -10,12 +10,10 @@ from spume.pressure.aggregation import (
     SLOTS,
     TOO_FEW_ROWS,
     WRAPPED,
-    blocks,
     level_type,
     particle_stages,
     scratch_type,
     stages,
-    stretches,
 )
 from spume.pressure.coarsest import direct_stages
 from spume.pressure.entries import SINGLES, Entries
@@ -135,137 +133,3 @@ def entering() -> Any:
             table[DEPTH] = k + 2
 
     return enter
-
-
-@kernels.cached
-def build_with_threads(d: int, entries: Entries) -> tuple[Any, Any, Any]:
-    """Return the kernels that build the first level, a further level, and all that are left in one thread."""
-    qd, real = kernels.qd, kernels.runtime().real
-    i32 = kernels.i32
-    Level, Coarse, Scratch = level_type(entries), level_type(SINGLES), scratch_type()
-    Rows, Reals, Vectors = (kernels.array_type(t) for t in (i32, real, kernels.vector(d)))
-    s, p = stages(SINGLES, False), particle_stages(d, entries)
-    f, build_coarser = stages(entries, True), coarser_levels()
-    parts = blocks()
-    spread, spread_combined = kernels.spread(parts), kernels.spread(stretches())
-
-    enter = entering()
-
-    @kernels.func
-    def room(table: Rows, slots: i32):  # type: ignore[no-untyped-def, valid-type]
-        """Return the slots that the next level may spread over."""
-        return (slots - table[SLOTS]) // 5 * 4
-
-    @kernels.kernel
-    def build_first(
-        level: Level, diagonal: Reals, coarse: Coarse, scratch: Scratch, table: Rows, low: Vectors, high: Vectors,  # type: ignore[valid-type]
-        position: Vectors, state: Rows, cell: real, count: i32, rows: i32, slots: i32, most: i32, combined: i32,  # type: ignore[valid-type]
-    ):  # fmt: skip
-        qd.loop_config(block_dim=1)
-        for t in range(parts * spread):
-            if t % spread == 0:
-                b = t // spread
-                p.survey(b, parts, position, state, low, high, scratch.counts, count)
-        qd.loop_config(serialize=True)
-        for _ in range(1):
-            p.grid(parts, low, high, p.sum_counts(parts, scratch.counts), table, cell, most)
-        qd.loop_config(block_dim=1)
-        for t in range(parts * spread):
-            if t % spread == 0:
-                b = t // spread
-                s.zero(b, parts, scratch.cursor, s.cells(table, 0), 0)
-        qd.loop_config(block_dim=1)
-        for t in range(parts * spread):
-            if t % spread == 0:
-                b = t // spread
-                p.place_particles(
-                    b, parts, level, diagonal, position, state, low, scratch.counts, scratch, table, cell, count
-                )
-        qd.loop_config(serialize=True)
-        for _ in range(1):
-            s.scan(s.cells(table, 0), scratch.cursor, scratch.begin)
-        qd.loop_config(block_dim=1)
-        for t in range(parts * spread):
-            if t % spread == 0:
-                b = t // spread
-                f.scatter(b, parts, level, 0, table[1], scratch)
-        qd.loop_config(block_dim=1)
-        for t in range(parts * spread):
-            if t % spread == 0:
-                b = t // spread
-                f.split(b, parts, level, 0, s.cells(table, 0), table[WRAPPED], scratch)
-        qd.loop_config(serialize=True)
-        for _ in range(1):
-            enter(table, 0, s.scan(s.cells(table, 0), scratch.cursor, scratch.base), rows)
-        qd.loop_config(block_dim=1)
-        for t in range(parts * spread):
-            if t % spread == 0:
-                b = t // spread
-                if table[OVERFLOW] == 0:
-                    f.number(b, parts, level, 0, coarse, 0, s.cells(table, 0), scratch)
-        qd.loop_config(block_dim=1)
-        for t in range(combined * spread_combined):
-            if t % spread_combined == 0:
-                b = t // spread_combined
-                f.combine(b, combined, level, diagonal, 0, coarse, 0, table[3], 0, room(table, slots), scratch, table)
-        qd.loop_config(serialize=True)
-        for _ in range(1):
-            table[SLOTS] += room(table, slots)
-
-    @kernels.kernel
-    def build_next(
-        coarse: Coarse, diagonal: Reals, scratch: Scratch, table: Rows, k: i32, rows: i32, slots: i32, combined: i32,  # type: ignore[valid-type]
-    ):  # fmt: skip
-        qd.loop_config(block_dim=1)
-        for t in range(parts * spread):
-            if t % spread == 0:
-                b = t // spread
-                s.zero(b, parts, scratch.cursor, s.cells(table, k), 0)
-        qd.loop_config(block_dim=1)
-        for t in range(parts * spread):
-            if t % spread == 0:
-                b = t // spread
-                s.place(b, parts, coarse, table[2 * k], table[2 * k + 1], k, scratch, table)
-        qd.loop_config(serialize=True)
-        for _ in range(1):
-            s.scan(s.cells(table, k), scratch.cursor, scratch.begin)
-        qd.loop_config(block_dim=1)
-        for t in range(parts * spread):
-            if t % spread == 0:
-                b = t // spread
-                s.scatter(b, parts, coarse, table[2 * k], table[2 * k + 1], scratch)
-        qd.loop_config(block_dim=1)
-        for t in range(parts * spread):
-            if t % spread == 0:
-                b = t // spread
-                s.split(b, parts, coarse, table[2 * k], s.cells(table, k), 1, scratch)
-        qd.loop_config(serialize=True)
-        for _ in range(1):
-            enter(table, k, s.scan(s.cells(table, k), scratch.cursor, scratch.base), rows)
-        qd.loop_config(block_dim=1)
-        for t in range(parts * spread):
-            if t % spread == 0:
-                b = t // spread
-                if table[OVERFLOW] == 0:
-                    s.number(b, parts, coarse, table[2 * k], coarse, table[2 * k + 2], s.cells(table, k), scratch)
-        qd.loop_config(block_dim=1)
-        for t in range(combined * spread_combined):
-            if t % spread_combined == 0:
-                b = t // spread_combined
-                s.combine(
-                    b, combined, coarse, diagonal, table[2 * k], coarse, table[2 * k + 2], table[2 * k + 3],
-                    table[SLOTS], room(table, slots), scratch, table,
-                )  # fmt: skip
-        qd.loop_config(serialize=True)
-        for _ in range(1):
-            table[SLOTS] += room(table, slots)
-
-    @kernels.kernel
-    def build_rest(
-        coarse: Coarse, diagonal: Reals, scratch: Scratch, table: Rows, first: i32, rows: i32, slots: i32,  # type: ignore[valid-type]
-    ):  # fmt: skip
-        qd.loop_config(serialize=True)
-        for _ in range(1):
-            build_coarser(coarse, diagonal, scratch, table, first, rows, slots)
-
-    return build_first, build_next, build_rest

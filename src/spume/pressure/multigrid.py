@@ -8,7 +8,16 @@ from pydantic import Field as Parameter
 
 from spume import kernels, lanes, team
 from spume.particles import Particles
-from spume.pressure import aggregation, coarsest, cycle, levels, team_iteration, wide_iteration, wide_levels
+from spume.pressure import (
+    aggregation,
+    coarsest,
+    cycle,
+    levels,
+    team_iteration,
+    team_levels,
+    wide_iteration,
+    wide_levels,
+)
 from spume.pressure.base import NotConverged, Solution, Solver
 from spume.pressure.bicgstab import StabilisedBiconjugateGradient
 from spume.pressure.conjugate_gradient import ConjugateGradient, negligible, solution
@@ -88,6 +97,7 @@ class _Workspace:
         self._running = kernels.scalar_array(kernels.i32)
         self._coarse: Any = None
         self._scratch: Any = None
+        self._board = team.board()
         self._host_table: NDArray[np.int32] = np.zeros(aggregation.TABLE, np.int32)
 
     def solve(self, solver: Multigrid, system: LinearSystem, particles: Particles) -> Solution:
@@ -100,7 +110,7 @@ class _Workspace:
         self._negligible = negligible(system, solver)
         self._state, self._diagonal, self._entries = particles[system.state], diagonal, system.entries
         alone = aggregation.alone(particles.active)
-        build = self._build_in_one_thread if alone else self._build_wide if wide else self._build_with_threads
+        build = self._build_in_one_thread if alone else self._build_wide if wide else self._build_in_team
         while True:
             depth, lacking = build(level, particles)
             if lacking == 0:
@@ -150,20 +160,11 @@ class _Workspace:
         code = int(levels.build_in_one_thread(self._d, self._entries)(*self._arguments(level, particles)))
         return code % levels.BEHIND_DEPTH, code // levels.BEHIND_DEPTH
 
-    def _build_with_threads(self, level: Any, particles: Particles) -> tuple[int, int]:
-        build_first, build_next, build_rest = levels.build_with_threads(self._d, self._entries)
+    def _build_in_team(self, level: Any, particles: Particles) -> tuple[int, int]:
         combined = aggregation.stretches(self._rows)
-        build_first(*self._arguments(level, particles), combined)
-        table, k = self._table.to_numpy(), 1
-        while table[aggregation.DEPTH] == k + 1 and not table[aggregation.OVERFLOW]:
-            room = (self._rows, self._slots)
-            if aggregation.blocks(int(table[2 * k + 1])) == 1:
-                build_rest(self._coarse, self._diagonal, self._scratch, self._table, k, *room)
-                table = self._table.to_numpy()
-                break
-            build_next(self._coarse, self._diagonal, self._scratch, self._table, k, *room, combined)
-            table, k = self._table.to_numpy(), k + 1
-        self._host_table = table
+        build = team_levels.build_in_team(self._d, self._entries)
+        build(*self._arguments(level, particles), combined, self._board)
+        table = self._table.to_numpy()
         return int(table[aggregation.DEPTH]), int(table[aggregation.OVERFLOW])
 
     def _build_wide(self, level: Any, particles: Particles) -> tuple[int, int]:
@@ -222,7 +223,6 @@ class _Workspace:
             self._stages = kernels.array(kernels.i32, 2 * len(stages))
             self._stages.from_numpy(np.array(stages, np.int32).ravel())
             self._number = len(stages)
-            self._board = team.board()
         self._program = (depth, inner)
 
     def _reserve(self, capacity: int, rows: int, slots: int) -> None:

@@ -24,17 +24,6 @@ from spume.pressure.entries import SINGLES, Entries
 RESIDUAL, LEAVE, FIRST_STEP, SECOND_STEP, PRODUCTS, ADVANCE = range(10, 16)
 """Stages beside the operations of `cycle.program`. All on one level but RESTRICT are parts of that level's rows."""
 
-ROWS_OF_PART = 128
-"""Rows of a part, at least: what is shared must take longer than the sharing, 0.2 to 1 µs."""
-
-PARTS_OF_THREAD = 4
-"""Parts for each thread, at most: more even shares than one each, when a thread is held up."""
-
-
-def most_parts() -> int:
-    """Return how many parts a stage has at most."""
-    return PARTS_OF_THREAD * kernels.runtime().threads
-
 
 def stages_of(program: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
     """Return the stages of an iteration, as (operation, level).
@@ -65,8 +54,7 @@ def solve_in_team(symmetric: bool, entries: Entries) -> Any:
     Reals, Rows, Board = kernels.array_type(real), kernels.array_type(i32), team.board_type()
     f, c, o = cycle_stages(symmetric, entries), cycle_stages(symmetric, SINGLES), outer_stages(symmetric, entries)
     together, solve_directly = team.calls(), direct_stages().solve
-    threads, lanes, most, rows_of_part = kernels.runtime().threads, team.lanes(), most_parts(), ROWS_OF_PART
-    end = team.END
+    threads, lanes, end = kernels.runtime().threads, team.lanes(), team.END
 
     @kernels.func
     def coarse_part(
@@ -100,7 +88,7 @@ def solve_in_team(symmetric: bool, entries: Entries) -> Any:
         n = table[2 * k + 1]
         if operation == RESTRICT:
             n = table[2 * k + 3]
-        parts = qd.max(qd.min(n // rows_of_part, most), 1)
+        parts = together.parts(n)
         if operation == SOLVE:
             parts = 1
         return parts
