@@ -14,6 +14,7 @@ import logging
 import os
 import shutil
 import tempfile
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -85,6 +86,7 @@ class Runtime:
 
 
 _runtime: Runtime | None = None
+_pool: affinity.Pool | None = None
 _caches: list[Callable[[], None]] = []
 
 
@@ -220,7 +222,7 @@ def initialize(device: str | None = None, threads: int | None = None, precision:
     Raises:
         DeviceError: unknown name, or a device that is not there.
     """
-    global _runtime
+    global _runtime, _pool
     device = device or default_device()
     if device not in DEVICES:
         raise DeviceError(f"device = {device!r}: one of {', '.join(DEVICES)}")
@@ -251,9 +253,7 @@ def initialize(device: str | None = None, threads: int | None = None, precision:
             )
     except Exception as error:
         raise DeviceError(f"device = {device!r}: not available on this machine ({error})") from error
-    if device == "cpu":
-        affinity.settle(before, threads)
-    _runtime = wanted
+    _runtime, _pool = wanted, affinity.Pool(before, threads if device == "cpu" else 1)
     for clear in _caches:
         clear()
     return wanted
@@ -390,6 +390,12 @@ def _circumstances() -> str:
     """Return what the compiler depends on beside the code."""
     caching = qd.lang._fast_caching.config_hasher
     return f"{qd.__version__} {runtime()} {caching.hash_compile_config()} {caching.hash_device_caps()}"
+
+
+def review_threads() -> None:
+    """See to it that threads do not wait for processors of their own which others use; to be called once a step."""
+    if _pool is not None:
+        _pool.review(time.monotonic())
 
 
 def wait() -> None:

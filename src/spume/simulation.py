@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from spume import kernels
 from spume.clock import Clock
 from spume.diagnosis import Diverged, Finding, Watch, crowded, not_a_number, not_solved
 from spume.domain import Domain
@@ -116,6 +117,7 @@ class Simulation:
         with domain.stages("limits"):
             self._relative_speed = self.step.relative_speed(domain)
         clock.advance(dt)
+        kernels.review_threads()
         self.statistics = {"dt": dt, **figures}
         if "collisions" in particles.fields:
             self.statistics["collisions"] = particles.total("collisions", FLUID)

@@ -37,7 +37,7 @@ class Run:
         cells: resolution, the study's length over l0.
         settings: keys replaced, as for ``--set``; the spacing belongs to them.
         series: what is the same in runs that differ in resolution only, such as ``Re 100``.
-        repeat: number of a repetition, which differs from the others in the last digits of the pressure alone.
+        repeat: number of a repetition, which takes steps of another length (see `driver.settings_of`).
     """
 
     case: str

@@ -80,7 +80,7 @@ def _measured(sensor: int) -> Mapping[str, Curve]:
 
 
 REPEATS = 10
-"""Runs at the resolution that is judged: the impact of a thin tip is chaotic, single runs scatter by 0.03 ρgH."""
+"""Runs at the resolution that is judged: the impact of a thin tip is chaotic, single runs scatter by 0.02 ρgH."""
 
 
 def of(case: str, number: str, sizes: tuple[int, ...], quick: tuple[int, ...], judged: bool) -> Study:
