@@ -91,3 +91,55 @@ def test_arrays_and_numbers_are_planned(device):
     counted(values, 2)
     _planned(counted, kernels.qd)(values, 3)
     assert list(kernels.host(values)) == [0, 1, 2]
+
+
+def test_of_a_struct_those_members_are_handed_over_that_the_kernel_uses(device):
+    kernels.initialize(device)
+    Rows, i32 = kernels.array_type(kernels.i32), kernels.i32
+
+    @dataclass
+    class Table:
+        unused: Rows
+        values: Rows
+        offset: i32
+        other: Rows
+        unused_too: Rows
+
+    @kernels.qd.kernel
+    def added(first: i32, table: Table, again: Table, out: Rows, count: i32):
+        for i in range(count):
+            out[i] = first + table.values[i] + table.offset + again.other[i]
+
+    def table(values, offset, other):
+        return Table(made([-1], i32), made(values, i32), offset, made(other, i32), made([-1], i32))
+
+    out = made([0, 0], i32)
+    added(100, table([1, 2], 10, [7, 7]), table([8, 8], 9, [3, 4]), out, 2)
+    assert list(kernels.host(out)) == [114, 116]
+    launch = _planned(added, kernels.qd)
+    launch(200, table([5, 6], 20, [7, 7]), table([8, 8], 9, [30, 40]), out, 2)
+    assert list(kernels.host(out)) == [255, 266]
+
+
+def test_a_struct_in_a_struct_is_called_as_the_language_does(device):
+    kernels.initialize(device)
+    Rows, i32 = kernels.array_type(kernels.i32), kernels.i32
+
+    @dataclass
+    class Inner:
+        values: Rows
+
+    @dataclass
+    class Outer:
+        inner: Inner
+        more: Rows
+
+    @kernels.qd.kernel
+    def copied(outer: Outer, count: i32):
+        for i in range(count):
+            outer.more[i] = outer.inner.values[i]
+
+    more = made([0, 0], i32)
+    copied(Outer(Inner(made([3, 4], i32)), more), 2)
+    assert list(kernels.host(more)) == [3, 4]
+    assert _planned(copied, kernels.qd) is None

@@ -233,6 +233,21 @@ def test_not_converged(runtime):
 
 
 @pytest.mark.parametrize("threads", [1, 2])
+def test_many_rows_that_cannot_be_solved_end_too(device, threads):
+    initialized(device, threads, "double")
+    position = block(2, 110, disturbance=0.2)
+    assert aggregation.alone(len(position)) == (threads == 1)
+    particles, system = assembled(position, position[:, 1] > 5.3)
+    with pytest.raises(NotConverged, match=r"relative residual .* after 2 iterations"):
+        Multigrid(tolerance=1e-9, largest_iterations=2)(system, particles)
+    rhs = particles.numpy("rhs")
+    rhs[7] = np.nan
+    particles.set("rhs", rhs)
+    with pytest.raises(NotConverged):
+        Multigrid()(system, particles)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
 def test_the_same_bits_again(device, threads):
     """Enough rows that two threads share those of the first coarse level, too."""
     initialized(device, threads, "double")

@@ -80,13 +80,9 @@ def coarser_levels() -> Any:
     return build_coarser
 
 
-BEHIND_DEPTH = 256
-"""What is lacking, in what the kernel in one thread returns, is multiplied by this, to stand beside the depth."""
-
-
 @kernels.cached
 def build_in_one_thread(d: int, entries: Entries) -> Any:
-    """Return the kernel that builds all levels in one go; it returns their number, and what there was no room for."""
+    """Return the kernel that builds all levels in one go; ``table`` says how many, and what there was no room for."""
     qd, real = kernels.qd, kernels.runtime().real
     i32 = kernels.i32
     Level, Coarse, Scratch = level_type(entries), level_type(SINGLES), scratch_type()
@@ -98,7 +94,7 @@ def build_in_one_thread(d: int, entries: Entries) -> Any:
     def build_levels(
         level: Level, diagonal: Reals, coarse: Coarse, scratch: Scratch, table: Rows, low: Vectors, high: Vectors,  # type: ignore[valid-type]
         position: Vectors, state: Rows, cell: real, count: i32, rows: i32, slots: i32, most: i32,  # type: ignore[valid-type]
-    ) -> i32:  # type: ignore[valid-type]  # fmt: skip
+    ):  # fmt: skip
         qd.loop_config(serialize=True)
         for _ in range(1):
             p.survey(0, 1, position, state, low, high, scratch.counts, count)
@@ -107,7 +103,6 @@ def build_in_one_thread(d: int, entries: Entries) -> Any:
             p.place_particles(0, 1, level, diagonal, position, state, low, scratch.counts, scratch, table, cell, count)
             first(level, diagonal, coarse, scratch, table, 0, rows, slots)
             build_coarser(coarse, diagonal, scratch, table, 1, rows, slots)
-        return table[DEPTH] + BEHIND_DEPTH * table[OVERFLOW]
 
     return build_levels
 

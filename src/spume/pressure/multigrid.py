@@ -157,14 +157,17 @@ class _Workspace:
 
     def _build_in_one_thread(self, level: Any, particles: Particles) -> tuple[int, int]:
         """Build the levels; return their number and what there was no room for."""
-        code = int(levels.build_in_one_thread(self._d, self._entries)(*self._arguments(level, particles)))
-        return code % levels.BEHIND_DEPTH, code // levels.BEHIND_DEPTH
+        levels.build_in_one_thread(self._d, self._entries)(*self._arguments(level, particles))
+        return self._outcome()
 
     def _build_in_team(self, level: Any, particles: Particles) -> tuple[int, int]:
         combined = aggregation.stretches(self._rows)
         build = team_levels.build_in_team(self._d, self._entries)
         build(*self._arguments(level, particles), combined, self._board)
-        table = self._table.to_numpy()
+        return self._outcome()
+
+    def _outcome(self) -> tuple[int, int]:
+        table = kernels.host(self._table)
         return int(table[aggregation.DEPTH]), int(table[aggregation.OVERFLOW])
 
     def _build_wide(self, level: Any, particles: Particles) -> tuple[int, int]:
