@@ -59,6 +59,7 @@ def calls() -> Any:
     * ``wait(board, stage)``: until the team is at another stage.
 
     These are atomic operations that order all that was written before them: what a stage wrote is seen by the next.
+    Run on x86-64 only so far, where memory is strictly ordered anyway.
     """
     qd, i32, i64 = kernels.qd, kernels.i32, kernels.i64
     Board = board_type()
