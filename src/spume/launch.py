@@ -91,7 +91,7 @@ def _slots(asked: Sequence[Any], used: Collection[str]) -> list[_Slot]:
         asked: the language's descriptions of the arguments.
         used: the language's names of the members that are used.
     """
-    found = []
+    found: list[_Slot] = []
     for k, argument in enumerate(asked):
         if is_dataclass(argument.annotation):
             members = (m for m in fields(argument.annotation) if f"__qd_{argument.name}__qd_{m.name}" in used)
