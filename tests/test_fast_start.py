@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
@@ -206,3 +207,26 @@ def test_cache_that_cannot_be_read_is_left_alone(monkeypatch):
 
     write(out)
     assert out.to_numpy().tolist() == [0, 7, 14, 21]
+
+
+def test_a_source_file_that_changes_comes_or_goes_gives_another_digest(tmp_path):
+    (tmp_path / "part").mkdir()
+    (tmp_path / "a.py").write_text("x = 1\n")
+    (tmp_path / "part" / "b.py").write_text("y = 2\n")
+    found = [fingerprint.digest_of(tmp_path)]
+    (tmp_path / "a.pyc").write_text("no source")
+    assert fingerprint.digest_of(tmp_path) == found[0]
+    (tmp_path / "part" / "b.py").write_text("y = 3\n")
+    found.append(fingerprint.digest_of(tmp_path))
+    (tmp_path / "part" / "b.py").rename(tmp_path / "part" / "c.py")
+    found.append(fingerprint.digest_of(tmp_path))
+    (tmp_path / "part" / "c.py").unlink()
+    found.append(fingerprint.digest_of(tmp_path))
+    # What ends one file and begins the next must not be taken for each other.
+    (tmp_path / "a.py").write_text("x = 1\npart/c.py")
+    found.append(fingerprint.digest_of(tmp_path))
+    assert len(set(found)) == len(found)
+
+
+def test_the_digest_of_the_package_is_that_of_its_files():
+    assert fingerprint.package_digest() == fingerprint.digest_of(Path(kernels.__file__).parent)

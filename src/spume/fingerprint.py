@@ -36,11 +36,16 @@ def fingerprint(function: Any) -> str:
 @functools.cache
 def package_digest() -> str:
     """Return a digest of Spume's source files."""
-    root = Path(__file__).parent
+    return digest_of(Path(__file__).parent)
+
+
+def digest_of(folder: Path) -> str:
+    """Return a digest of the names and contents of the Python files in a folder and those below."""
     digest = hashlib.sha256()
-    for path in sorted(root.rglob("*.py")):
-        digest.update(path.relative_to(root).as_posix().encode())
-        digest.update(path.read_bytes())
+    for path in sorted(folder.rglob("*.py")):
+        content = path.read_bytes()
+        digest.update(f"{path.relative_to(folder).as_posix()}\n{len(content)}\n".encode())
+        digest.update(content)
     return digest.hexdigest()
 
 

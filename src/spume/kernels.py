@@ -244,7 +244,6 @@ def initialize(device: str | None = None, threads: int | None = None, precision:
                 default_fp=wanted.real,
                 default_ip=qd.i32,
                 cpu_max_num_threads=wanted.threads,
-                default_cpu_block_dim=32,
                 fast_math=True,
                 enable_fallback=False,
                 log_level="error",
