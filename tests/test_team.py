@@ -25,7 +25,8 @@ def relay(one_after_another: bool):
     qd, i32 = kernels.qd, kernels.i32
     Numbers, Counts = kernels.array_type(kernels.i64), kernels.array_type(i32)
     Board, together = team.board_type(), team.calls()
-    threads, lanes, end, stages = kernels.runtime().threads, team.lanes(), team.END, STAGES
+    threads, end, stages = kernels.runtime().threads, team.END, STAGES
+    spread = kernels.spread(threads)
 
     @kernels.kernel
     def pass_on(a: Numbers, b: Numbers, done: Counts, decided: Counts, board: Board, n: i32, parts: i32):
@@ -33,8 +34,8 @@ def relay(one_after_another: bool):
         for _ in range(1):
             together.gather(board)
         qd.loop_config(serialize=one_after_another)
-        for t in range(threads * lanes):
-            at = 0 if t % lanes == 0 else end
+        for t in range(threads * spread):
+            at = 0 if t % spread == 0 else end
             while at < end:
                 taken = together.take(board)
                 at = together.stage(taken)

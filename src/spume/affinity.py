@@ -121,8 +121,9 @@ def by_core(processors: set[int], topology: Path) -> list[int]:
     def place(processor: int) -> tuple[int, int, int]:
         folder = topology / f"cpu{processor}" / "topology"
         try:
-            return (*(int((folder / name).read_text()) for name in ("physical_package_id", "core_id")), processor)  # type: ignore[return-value]
+            socket, core = (int((folder / name).read_text()) for name in ("physical_package_id", "core_id"))
         except (OSError, ValueError):
-            return (0, processor, processor)
+            socket, core = 0, processor
+        return socket, core, processor
 
     return sorted(processors, key=place)

@@ -36,11 +36,6 @@ def board_type() -> Any:
     return kernels.array_type(kernels.i64)
 
 
-def lanes() -> int:
-    """Return over how many iterations a loop runs that has all threads call a function once (see `kernels.spread`)."""
-    return kernels.spread(kernels.runtime().threads)
-
-
 def most_parts() -> int:
     """Return how many parts a stage has at most."""
     return PARTS_OF_THREAD * kernels.runtime().threads

@@ -63,7 +63,7 @@ def stretches(rows: int = 1) -> int:
     runtime = kernels.runtime()
     if runtime.wide:
         return 0  # a row's columns are found by looking through those that it has
-    return max(min(team.most_parts(), kernels.LONGEST_ARRAY // rows), 1)
+    return max(min(blocks(), kernels.LONGEST_ARRAY // rows), 1)
 
 
 @kernels.cached

@@ -184,7 +184,7 @@ class _Workspace:
             build_next(self._coarse, self._diagonal, self._scratch, self._table, k, self._rows, self._room_of_row)
             table, k = self._table.to_numpy(), k + 1
         self._host_table = table
-        return int(table[aggregation.DEPTH]), int(table[aggregation.OVERFLOW])
+        return self._outcome()
 
     def _iterate_wide(self, level: Any, vectors: list[Any], solver: Multigrid, system: LinearSystem) -> None:
         """Iterate with a thread for each row; what is solved directly is one task."""

@@ -54,7 +54,8 @@ def solve_in_team(symmetric: bool, entries: Entries) -> Any:
     Reals, Rows, Board = kernels.array_type(real), kernels.array_type(i32), team.board_type()
     f, c, o = cycle_stages(symmetric, entries), cycle_stages(symmetric, SINGLES), outer_stages(symmetric, entries)
     together, solve_directly = team.calls(), direct_stages().solve
-    threads, lanes, end = kernels.runtime().threads, team.lanes(), team.END
+    threads, end = kernels.runtime().threads, team.END
+    spread = kernels.spread(threads)
 
     @kernels.func
     def coarse_part(
@@ -102,8 +103,8 @@ def solve_in_team(symmetric: bool, entries: Entries) -> Any:
         qd.loop_config(serialize=True)
         for _ in range(1):
             together.gather(board)
-        for t in range(threads * lanes):
-            at = 0 if t % lanes == 0 else end
+        for t in range(threads * spread):
+            at = 0 if t % spread == 0 else end
             n = table[1]
             while at < end:
                 taken = together.take(board)

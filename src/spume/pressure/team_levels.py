@@ -33,7 +33,8 @@ def build_in_team(d: int, entries: Entries) -> Any:
     Board, together = team.board_type(), team.calls()
     f, s, p = stages(entries, True), stages(SINGLES, False), particle_stages(d, entries)
     enter, factorise = entering(), direct_stages().factorise
-    threads, lanes, end = kernels.runtime().threads, team.lanes(), team.END
+    threads, end = kernels.runtime().threads, team.END
+    spread = kernels.spread(threads)
 
     @kernels.func
     def room(table: Rows, slots: i32):
@@ -85,8 +86,8 @@ def build_in_team(d: int, entries: Entries) -> Any:
         qd.loop_config(serialize=True)
         for _ in range(1):
             together.gather(board)
-        for t in range(threads * lanes):
-            at = 0 if t % lanes == 0 else end
+        for t in range(threads * spread):
+            at = 0 if t % spread == 0 else end
             while at < end:
                 taken = together.take(board)
                 at = together.stage(taken)
