@@ -245,6 +245,26 @@ def test_many_rows_that_cannot_be_solved_end_too(device, threads):
     particles.set("rhs", rhs)
     with pytest.raises(NotConverged):
         Multigrid()(system, particles)
+    with pytest.raises(NotConverged, match=r"^multigrid: relative residual nan after [01] iterations"):
+        multigrid._workspace(2).solve(Multigrid(), system, particles)
+    rhs[7] = 0.0
+    particles.set("rhs", rhs)
+    particles.set("pressure", np.zeros(particles.count))
+    with pytest.raises(NotConverged, match=r"^multigrid: .* after 2 iterations"):
+        multigrid._workspace(2).solve(Multigrid(tolerance=1e-9, largest_iterations=2), system, particles)
+
+
+def test_a_team_builds_the_levels_that_one_thread_builds(device):
+    position = block(2, 110, disturbance=0.2)
+    found = []
+    for threads in (1, 2):
+        initialized(device, threads, "double")
+        assert aggregation.alone(len(position)) == (threads == 1)
+        particles, system = assembled(position, position[:, 1] > 5.3)
+        solved(particles, system, 1e-6)
+        found.append(multigrid.coarse_levels(2))
+    assert len(found[0]) >= 3
+    assert found[0] == found[1]
 
 
 @pytest.mark.parametrize("threads", [1, 2])
