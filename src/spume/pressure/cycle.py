@@ -27,6 +27,10 @@ SCALARS = 8
 SHRINKING = 0.6
 """Largest ratio of the rows of two levels at which inner iterations on the finer one pay."""
 
+ENOUGH = 0.25
+"""Part of the residual that the first inner iteration may leave for there to be no second (Notay & Vassilevski 2008);
+the graph of wide devices makes the second one anyway."""
+
 
 def inner_levels(rows: Sequence[int], most: int) -> frozenset[int]:
     """Return the levels whose coarse problem takes two steps of flexible conjugate gradients instead of one cycle.
@@ -132,6 +136,7 @@ def cycle_stages(symmetric: bool, entries: Entries) -> Any:
     def first_products(b: i32, parts: i32, level: Level, at: i32, n: i32, partial: Reals):  # type: ignore[no-untyped-def, valid-type]
         energy = qd.cast(0, real)
         share = qd.cast(0, real)
+        size = qd.cast(0, real)
         for t in range(at + bound(b, parts, n), at + bound(b + 1, parts, n)):
             i = at + level.row[t]
             s = image_of(level, at, i)
@@ -141,8 +146,10 @@ def cycle_stages(symmetric: bool, entries: Entries) -> Any:
             level.image[i] = s
             energy += qd.cast(s * t_i, real)
             share += qd.cast(level.right[i] * t_i, real)
+            size += qd.cast(level.right[i] * level.right[i], real)
         partial[3 * b] = energy
         partial[3 * b + 1] = share
+        partial[3 * b + 2] = size
 
     @kernels.func
     def second_products(b: i32, parts: i32, level: Level, at: i32, n: i32, partial: Reals):  # type: ignore[no-untyped-def, valid-type]
@@ -172,16 +179,31 @@ def cycle_stages(symmetric: bool, entries: Entries) -> Any:
         energy = total(partial, parts, 0)
         scalars[SCALARS + 4 * level] = energy
         scalars[SCALARS + 4 * level + 1] = ratio(total(partial, parts, 1), energy)
+        scalars[SCALARS + 4 * level + 2] = total(partial, parts, 2)
 
     @kernels.func
-    def first_step(b: i32, parts: i32, level: Level, at: i32, n: i32, number: i32, scalars: Reals):  # type: ignore[no-untyped-def, valid-type]
+    def first_step(  # type: ignore[no-untyped-def]
+        b: i32, parts: i32, level: Level, at: i32, n: i32, number: i32, partial: Reals, scalars: Reals,  # type: ignore[valid-type]
+    ):  # fmt: skip
         step = qd.cast(scalars[SCALARS + 4 * number + 1], f32)
+        left = qd.cast(0, real)
         for t in range(at + bound(b, parts, n), at + bound(b + 1, parts, n)):
             i = at + level.row[t]
             rest = level.right[i] - step * level.image[i]
             level.right[i] = rest
             level.old[i] = rest * level.inverse[i]
             level.kept[i] = level.new[i]
+            left += qd.cast(rest * rest, real)
+        partial[3 * b] = left
+
+    @kernels.func
+    def enough(parts: i32, level: i32, partial: Reals, scalars: Reals):  # type: ignore[no-untyped-def, valid-type]
+        """Return whether the first inner iteration was enough; ``second_step`` then only takes its step."""
+        done = total(partial, parts, 0) <= ENOUGH**2 * scalars[SCALARS + 4 * level + 2]
+        if done:
+            scalars[SCALARS + 4 * level + 2] = 0
+            scalars[SCALARS + 4 * level + 3] = scalars[SCALARS + 4 * level + 1]
+        return done
 
     @kernels.func
     def second_scalars(parts: i32, level: i32, partial: Reals, scalars: Reals):  # type: ignore[no-untyped-def, valid-type]
@@ -201,7 +223,7 @@ def cycle_stages(symmetric: bool, entries: Entries) -> Any:
 
     return SimpleNamespace(
         leave=leave, restrict=restrict, correct=correct, polish=polish, image_of=image_of,
-        first_products=first_products, first_scalars=first_scalars, first_step=first_step,
+        first_products=first_products, first_scalars=first_scalars, first_step=first_step, enough=enough,
         second_products=second_products, second_scalars=second_scalars, second_step=second_step,
         total=total, ratio=ratio,
     )  # fmt: skip
@@ -312,7 +334,8 @@ def run_function(symmetric: bool) -> Any:
 
     @kernels.func
     def run(operations: Rows, first: i32, last: i32, coarse: Coarse, table: Rows, partial: Reals, scalars: Reals):  # type: ignore[no-untyped-def, valid-type]
-        for step in range(first, last):
+        step = first
+        while step < last:
             operation = operations[2 * step]
             level = operations[2 * step + 1]
             at = table[2 * level]
@@ -333,11 +356,16 @@ def run_function(symmetric: bool) -> Any:
             elif operation == FIRST:
                 c.first_products(0, 1, coarse, at, n, partial)
                 c.first_scalars(1, level, partial, scalars)
-                c.first_step(0, 1, coarse, at, n, level, scalars)
+                c.first_step(0, 1, coarse, at, n, level, partial, scalars)
+                if c.enough(1, level, partial, scalars):
+                    while operations[2 * step] != SECOND or operations[2 * step + 1] != level:
+                        step += 1
+                    c.second_step(0, 1, coarse, at, n, level, scalars)
             else:
                 c.second_products(0, 1, coarse, at, n, partial)
                 c.second_scalars(1, level, partial, scalars)
                 c.second_step(0, 1, coarse, at, n, level, scalars)
+            step += 1
 
     return run
 

@@ -73,7 +73,7 @@ def solve_in_team(symmetric: bool, entries: Entries) -> Any:
         elif operation == FIRST:
             c.first_products(b, parts, coarse, at, n, partial)
         elif operation == FIRST_STEP:
-            c.first_step(b, parts, coarse, at, n, k, scalars)
+            c.first_step(b, parts, coarse, at, n, k, partial, scalars)
         elif operation == SECOND:
             c.second_products(b, parts, coarse, at, n, partial)
         elif operation == SECOND_STEP:
@@ -83,6 +83,14 @@ def solve_in_team(symmetric: bool, entries: Entries) -> Any:
         else:
             # What cannot be solved directly are rows that stand alone, for which the sweep is exact, or nearly so.
             c.polish(b, parts, coarse, at, n)
+
+    @kernels.func
+    def operation_of(at: i32, stages: Rows, length: i32):
+        return stages[2 * ((at - 1) % length)]
+
+    @kernels.func
+    def level_of(at: i32, stages: Rows, length: i32):
+        return stages[2 * ((at - 1) % length) + 1]
 
     @kernels.func
     def parts_of(operation: i32, k: i32, table: Rows):
@@ -114,8 +122,8 @@ def solve_in_team(symmetric: bool, entries: Entries) -> Any:
                     operation = RESIDUAL
                     k = 0
                     if at > 0:
-                        operation = stages[2 * ((at - 1) % length)]
-                        k = stages[2 * ((at - 1) % length) + 1]
+                        operation = operation_of(at, stages, length)
+                        k = level_of(at, stages, length)
                     parts = parts_of(operation, k, table)
                     if b >= parts:
                         together.wait(board, at)
@@ -140,6 +148,13 @@ def solve_in_team(symmetric: bool, entries: Entries) -> Any:
                             then = at + 1
                             if operation == FIRST:
                                 c.first_scalars(parts, k, partial, scalars)
+                            elif operation == FIRST_STEP:
+                                if c.enough(parts, k, partial, scalars):
+                                    while (
+                                        operation_of(then, stages, length) != SECOND_STEP
+                                        or level_of(then, stages, length) != k
+                                    ):
+                                        then += 1
                             elif operation == SECOND:
                                 c.second_scalars(parts, k, partial, scalars)
                             elif operation == PRODUCTS:

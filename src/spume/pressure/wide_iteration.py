@@ -129,7 +129,7 @@ def iterate_kernel(symmetric: bool, entries: Entries, tasks: tuple[Task, ...], l
             each(n, f"c.{which}_products(PART, coarse, {at}, {n}, partial)")
             body.append(f"fold(partial, {n})")
             once(f"c.{which}_scalars(parts, {k}, partial, scalars)")
-            each(n, f"c.{which}_step(PART, coarse, {at}, {n}, {k}, scalars)")
+            each(n, f"c.{which}_step(PART, coarse, {at}, {n}, {k}, {'partial, ' if operation == FIRST else ''}scalars)")
 
     if tasks:
         each("n", "f.leave(PART, level, 0, n)")
