@@ -1,14 +1,18 @@
 """Every gradient model and every source, in every step that takes it: water at rest and a dam break, both coarse.
 
-python validation/schemes/check.py [gradient|source] [2|3]
+python validation/schemes/check.py [--write]
 
-One slot is changed, all others are the step's defaults. Prints the tables of docs/schemes-measured.md.
+One slot is changed, all others are the step's defaults, but where a gradient needs a known pressure at the free surface:
+there the surface is that of `blended`. With --write the tables in docs/schemes-measured.md are replaced.
 """
 
+import logging
 import math
+import re
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,6 +24,7 @@ from spume.build import build
 from spume.named import Scheme
 from spume.outputs.snapshot import Snapshot
 from spume.particles import FLUID
+from spume.schemes.free_surface.blended import Blended
 from spume.schemes.gradient.cmps import Conservative
 from spume.schemes.gradient.stabilised import Stabilised
 from spume.simulation import Diverged
@@ -30,6 +35,8 @@ from spume.steps.project_in_place import ProjectInPlace
 G, RHO = 9.81, 1000.0
 STEPS: tuple[type[Step], ...] = (ProjectInPlace, PredictMoveProject)
 REST_STEPS, BREAK_STEPS = 100, 200
+PAGE = Path(__file__).parents[2] / "docs" / "schemes-measured.md"
+HEAD = "| step | model | at rest: error of p | speed | disorder | nearest | dam break: speed | disorder | nearest |"
 
 
 @dataclass
@@ -84,7 +91,8 @@ def disorder(state: Snapshot, step: Step) -> tuple[float, float]:
         uneven.append(np.linalg.norm(((w / s**2)[:, None] * r).sum(axis=0)))
     n0 = spume.lattice.Lattice(d, l0).n0(model.weight, 2.1)
     pairs, _ = tree.query(x[state.fluid], k=2)
-    return float(l0 * d / n0 * np.sqrt(np.mean(np.square(uneven)))), float(pairs[:, 1].min() / l0)
+    scatter = float(np.sqrt(np.mean(np.square(uneven)))) if uneven else math.nan
+    return l0 * d / n0 * scatter, float(pairs[:, 1].min() / l0)
 
 
 def run(step: Step, dimension: int, *, at_rest: bool) -> Result:
@@ -123,17 +131,24 @@ def number(value: float, form: str) -> str:
     return "–" if math.isnan(value) else format(value, form)
 
 
-def table(family: str, dimension: int) -> None:
-    """Print the table of one family."""
-    print(f"\n### {family}, {dimension}D\n")
-    print("| step | model | at rest: error of p | speed | disorder | nearest | dam break: speed | disorder | nearest |")
-    print("|---|---|---|---|---|---|---|---|---|")
+def built(kind: type[Step], family: str, scheme: Scheme) -> Step | None:
+    """Return the step with that scheme; nothing where it does not have the instants that the scheme reads."""
+    try:
+        step: Any = kind(**{family: scheme})
+        fits = step.free_surface.known or step.gradient.completes
+        return step if fits else kind(**{family: scheme, "free_surface": Blended()})
+    except ValueError:
+        return None
+
+
+def table(family: str, dimension: int) -> str:
+    """Print the table of one family, row by row, and return it."""
+    lines = [HEAD, "|---" * HEAD.count(" |") + "|"]
+    print(f"\n### {family}, {dimension}D\n\n" + "\n".join(lines))
     for kind in STEPS:
         for label, scheme in choices(family):
-            try:
-                step = kind(**{family: scheme})
-            except ValueError:
-                continue  # the step does not have the instants that the source reads
+            if (step := built(kind, family, scheme)) is None:
+                continue
             still, flow = (run(step, dimension, at_rest=at_rest) for at_rest in (True, False))
             cells = [kind.key, label]
             if still.broke:
@@ -145,17 +160,23 @@ def table(family: str, dimension: int) -> None:
                 cells += [flow.broke, "", ""]
             else:
                 cells += [number(flow.speed, ".2f"), number(flow.disorder, ".3f"), number(flow.nearest, ".2f")]
-            print("| " + " | ".join(cells) + " |", flush=True)
+            lines.append("| " + " | ".join(cells) + " |")
+            print(lines[-1], flush=True)
+    return "\n".join(lines)
 
 
 def main() -> None:
-    """Print the tables asked for."""
+    """Print the tables; write them into the documentation where asked for."""
     named.load_all()
-    families = [a for a in sys.argv[1:] if a in ("gradient", "source")] or ["gradient", "source"]
-    dimensions = [int(a) for a in sys.argv[1:] if a in ("2", "3")] or [2]
-    for family in families:
-        for dimension in dimensions:
-            table(family, dimension)
+    logging.getLogger("spume").setLevel(logging.ERROR)  # what a model is warned of is what the tables show
+    page = PAGE.read_text(encoding="utf-8")
+    for family in ("gradient", "source"):
+        for dimension in (2, 3):
+            found = table(family, dimension)
+            marks = rf"(## {family.capitalize()}s, {dimension}D\n\n)\|.*?(?=\n\n)"
+            page = re.sub(marks, lambda m, found=found: m[1] + found, page, flags=re.S)
+    if "--write" in sys.argv:
+        PAGE.write_text(page, encoding="utf-8")
 
 
 if __name__ == "__main__":

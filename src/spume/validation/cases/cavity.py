@@ -82,16 +82,21 @@ STUDY = Study(
     title="Lid-driven cavity",
     length="L/l0",
     reference="Ghia, Ghia & Shin (1982), tables I and II; one value out of the trend left out (Re 400, x = 0.9063)",
-    runs=(*(_run(100, n, 20.0) for n in (25, 50, 100)), *(_run(400, n, 40.0) for n in (25, 50, 100))),
+    runs=(
+        *(_run(100, n, 20.0) for n in (25, 50, 100)),
+        *(_run(400, n, 40.0) for n in (25, 50, 100)),
+        *(_run(1000, n, 60.0) for n in (25, 50, 100)),
+    ),
     quick=(_run(100, 20, 15.0),),
     measure=measure,
     bars=(
         Bar(ERROR, 0.01, series="Re 100", cells=100, quick=(0.0, 0.1)),
         Bar(ERROR, 0.01, series="Re 400", cells=100),
+        Bar(ERROR, 0.01, series="Re 1000", cells=100),
     ),
     panels={
         f"{c}, Re {re}": Panel("y" if c == "u" else "x", f"{c} / U", reference=partial(_reference, c, re))
-        for re in (100, 400)
+        for re in (100, 400, 1000)
         for c in "uv"
     },
     orders=(ERROR,),
