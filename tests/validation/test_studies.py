@@ -138,3 +138,21 @@ def test_report_says_what_was_missed(tmp_path):
     assert "| 1 some-case | error | ≤ 0.1 | 0.2 | H/l0 = 10 (meant for 40) | **MISSED** |" in text
     assert "exploded" in text
     assert "figure.png" in text
+
+
+@pytest.mark.parametrize("scale", ["linear", "log"])
+def test_no_curve_runs_behind_a_legend(scale):
+    from matplotlib.figure import Figure
+
+    from spume.validation import report
+
+    drawn = Figure(figsize=(5.2, 3.4), layout="constrained")
+    axis = drawn.subplots()
+    axis.set_yscale(scale)
+    largest = 10.0
+    for k in range(5):
+        axis.plot([0.0, 1.0], [1.0 + k, largest], label=f"h/l0 = {k}")
+    report._legend(axis, room=True)
+    drawn.canvas.draw()
+    lower_edge = axis.get_legend().get_window_extent().y0
+    assert axis.transData.transform((1.0, largest))[1] < lower_edge

@@ -2,8 +2,8 @@
 
 python validation/schemes/check.py [--write]
 
-One slot is changed, all others are the step's defaults, but where a gradient needs a known pressure at the free surface:
-there the surface is that of `blended`. With --write the tables in docs/schemes-measured.md are replaced.
+One slot is changed, all others are the step's defaults, but where a gradient needs a known pressure at the surface:
+there the free surface is `blended`. With --write the tables in docs/schemes-measured.md are replaced.
 """
 
 import logging

@@ -13,6 +13,8 @@ from spume.validation.study import Measured, Run, Study, in_order
 
 REPORT, REPORT_JSON = "report.md", "report.json"
 _POINTS = " (points)"
+_LINE_OF_LEGEND = 0.085
+"""Height of a line of a legend, as a part of the axes."""
 
 
 def figure(study: Study, measured: Mapping[Run, Measured], path: Path) -> None:
@@ -52,10 +54,22 @@ def figure(study: Study, measured: Mapping[Run, Measured], path: Path) -> None:
             axis.set_yscale("log")
         if panel.limits:
             axis.set_ylim(*panel.limits)
-        axis.legend(framealpha=0.85, edgecolor="none", fontsize="small")
+        _legend(axis, room=panel.limits is None)
     path.parent.mkdir(parents=True, exist_ok=True)
     drawn.savefig(path, dpi=100)
     plt.close(drawn)
+
+
+def _legend(axis: Any, *, room: bool) -> None:
+    """Add the legend in two columns, where there is ``room`` above the curves, for which the axis is made longer."""
+    if not room:
+        axis.legend(framealpha=0.85, edgecolor="none", fontsize="small")
+        return
+    part = _LINE_OF_LEGEND * math.ceil(len(axis.get_legend_handles_labels()[1]) / 2)
+    scale = axis.yaxis.get_transform()
+    low, high = scale.transform(axis.get_ylim())
+    axis.set_ylim(top=scale.inverted().transform(low + (high - low) / (1.0 - part)))
+    axis.legend(loc="upper center", ncols=2, frameon=False, fontsize="small")
 
 
 def write(out: Path) -> None:
