@@ -20,12 +20,35 @@ from spume.pressure.entries import SINGLES, Entries
 
 
 @kernels.cached
+def entering() -> Any:
+    """Return the function that enters a new level into the table."""
+    i32 = kernels.i32
+    Rows = kernels.array_type(i32)
+
+    @kernels.func
+    def enter(table: Rows, k: i32, found: i32, rows: i32):  # type: ignore[no-untyped-def, valid-type]
+        """Note the rows of level k + 1 in the table, or that there is no room for them."""
+        to = table[2 * k] + table[2 * k + 1]
+        if k == 0:
+            to = 0
+        table[2 * k + 2] = to
+        table[2 * k + 3] = found
+        if to + found > rows:
+            table[OVERFLOW] |= TOO_FEW_ROWS
+            table[2 * k + 3] = 0
+        elif found > 0:
+            table[DEPTH] = k + 2
+
+    return enter
+
+
+@kernels.cached
 def coarsening(entries: Entries, finest: bool) -> Any:
     """Return the function that builds level k + 1 from level k in one thread."""
     i32 = kernels.i32
     Level, Coarse, Scratch = level_type(entries), level_type(SINGLES), scratch_type()
     Rows, Reals = kernels.array_type(i32), kernels.array_type(kernels.runtime().real)
-    s = stages(entries, finest)
+    s, enter = stages(entries, finest), entering()
 
     @kernels.func
     def coarsen(
@@ -41,15 +64,11 @@ def coarsening(entries: Entries, finest: bool) -> Any:
         s.scatter(0, 1, level, at, table[2 * k + 1], scratch)
         s.split(0, 1, level, at, n, kernels.qd.max(kernels.qd.min(k, 1), table[WRAPPED]), scratch)
         found = s.scan(n, scratch.cursor, scratch.base)
-        table[2 * k + 2] = to
-        table[2 * k + 3] = found
-        if to + found > rows:
-            table[OVERFLOW] |= TOO_FEW_ROWS
-        elif found > 0:
+        enter(table, k, found, rows)
+        if table[DEPTH] == k + 2:
             s.number(0, 1, level, at, coarse, to, n, scratch)
             used = table[SLOTS]
             table[SLOTS] = s.combine(0, 1, level, diagonal, at, coarse, to, found, used, slots - used, scratch, table)
-            table[DEPTH] = k + 2
 
     return coarsen
 
@@ -105,26 +124,3 @@ def build_in_one_thread(d: int, entries: Entries) -> Any:
             build_coarser(coarse, diagonal, scratch, table, 1, rows, slots)
 
     return build_levels
-
-
-@kernels.cached
-def entering() -> Any:
-    """Return the function that enters a new level into the table."""
-    i32 = kernels.i32
-    Rows = kernels.array_type(i32)
-
-    @kernels.func
-    def enter(table: Rows, k: i32, found: i32, rows: i32):  # type: ignore[no-untyped-def, valid-type]
-        """Note the rows of level k + 1 in the table, or that there is no room for them."""
-        to = table[2 * k] + table[2 * k + 1]
-        if k == 0:
-            to = 0
-        table[2 * k + 2] = to
-        table[2 * k + 3] = found
-        if to + found > rows:
-            table[OVERFLOW] |= TOO_FEW_ROWS
-            table[2 * k + 3] = 0
-        elif found > 0:
-            table[DEPTH] = k + 2
-
-    return enter
