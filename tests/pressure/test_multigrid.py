@@ -23,7 +23,7 @@ from spume.schemes.source.base import SOURCE
 FIELDS = (*SYSTEM_FIELDS, SURFACE_SHARE, SOURCE, COMPONENT, *ConjugateGradient.needs, *Multigrid.needs)
 
 
-def assembled(position, tied=None, seed=0, periodic=False, single=True, **rows):
+def assembled(position, tied=None, seed=0, periodic=False, single=True, region=None, **rows):
     """Return (particles, system) of rows that are all unknown but for ``rows``; ``tied`` ones are a free surface."""
     n, d = position.shape
     rng = np.random.default_rng(seed)
@@ -33,7 +33,7 @@ def assembled(position, tied=None, seed=0, periodic=False, single=True, **rows):
     } | rows  # fmt: skip
     half = 0.05 * round(n ** (1 / d))
     lattice, particles, pairs = table(
-        position, fields=FIELDS, skin=0.1, region=([-half] * d, [half] * d) if periodic else None,
+        position, fields=FIELDS, skin=0.1, region=([-half] * d, [half] * d) if periodic else region,
         periodic=[periodic] * d, **given,
     )  # fmt: skip
     # The list sorts the rows, but takes along only what a step keeps.
@@ -180,6 +180,20 @@ def test_more_cells_than_there_is_room_for(runtime):
     assert kernels.host(multigrid._workspace(2)._table)[aggregation.WRAPPED] == 1
     assert pressure == pytest.approx(direct(), abs=1e-3 * np.abs(pressure).max())
     assert solution.iterations <= 15
+
+
+def test_more_cells_along_an_axis_than_are_counted(runtime):
+    """Two pools whose cells would have the same numbers: they share them, but no aggregate."""
+    pool = block(2, 40, disturbance=0.2)
+    apart = (aggregation.MOST_CELLS + 2) * aggregation.CELL * 0.1
+    position = np.vstack([pool, pool + [apart, 0.0]])
+    tied = position[:, 1] > 1.85
+    particles, system = assembled(position, tied, region=([-10.0, -10.0], [apart + 10.0, 10.0]))
+    solution, pressure, direct = solved(particles, system, 1e-6)
+    assert kernels.host(multigrid._workspace(2)._table)[aggregation.WRAPPED] == 1
+    assert pressure == pytest.approx(direct(), abs=1e-3 * np.abs(pressure).max())
+    particles, system = assembled(pool, tied[: len(pool)])
+    assert solution.iterations <= solved(particles, system, 1e-6)[0].iterations + 1
 
 
 @pytest.mark.parametrize("periodic", [True, False], ids=["periodic", "closed"])

@@ -19,6 +19,8 @@ LEVELS = 20
 """Levels that there is room for; cells double 18 times before they are used up."""
 CELL = 2.0
 """Width of the first level's cells [l0]."""
+MOST_CELLS = 2e6
+"""Cells along an axis; their product in 3D must not exceed 64 bits. What lies farther apart shares them."""
 DAMPING = 0.85
 """Of the Jacobi sweeps; below 1 it is safe for every diagonally dominant matrix. Lone rows are not damped."""
 UNEVEN = 60.0
@@ -418,7 +420,9 @@ def particle_stages(d: int, entries: Entries) -> Any:
             table[SHAPE + axis] = 1
         for axis in kernels.static(range(d)):
             extent = (highest[axis] - lowest[axis]) / cell
-            table[SHAPE + axis] = qd.cast(qd.min(qd.max(extent, 0.0), 1e6), i32) + 2
+            if extent > MOST_CELLS:
+                table[WRAPPED] = 1
+            table[SHAPE + axis] = qd.cast(qd.min(qd.max(extent, 0.0), MOST_CELLS), i32) + 2
         while qd.cast(table[SHAPE], qd.i64) * table[SHAPE + 1] * table[SHAPE + 2] > most:
             longest = 0
             for axis in range(3):
