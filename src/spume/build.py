@@ -425,6 +425,7 @@ def initial_snapshot(case: Case, rows: Rows) -> Snapshot:
         gravity=case.domain.gravity.at(0.0),
         bodies=tuple(body.name for body in case.body),
         fields=fields,
+        periods={k: length for k, (_, length) in case.domain.periods().items()},
     )
 
 
@@ -562,6 +563,7 @@ def _simulation(case: Case, rows: Rows) -> Simulation:
     lattice = Lattice(case.dimension, case.spacing)
     frame = case.domain.motion if case.domain.frame == "tank" else None
     domain = Domain(lattice, particles, pairs, bodies, case.domain.gravity, case.fluid[0].density, motion=frame)
+    particles.set("wall_acceleration", domain.force(0.0).at_rest(rows["position"]))
     clock = Clock(case.time.end, case.time.courant, case.time.travel, case.time.step_max or math.inf)
     return Simulation(domain, case.step, clock)
 

@@ -86,6 +86,19 @@ class Clock:
         # A last step trimmed to a sliver would be a jump of dt as well: spread the remainder evenly.
         return remaining / ceil(remaining / dt - 1e-9) if remaining < 50 * dt else dt
 
+    def eased(self, dt: float, coming: float) -> float:
+        """Return a time step [s] that does not jump over what is about to happen.
+
+        Args:
+            dt: of `next_dt`, which knows of the time at which the step begins alone.
+            coming: what bodies and prescribed accelerations allow at the instants of that step, at a Courant number of
+                one [s]. They may exceed it by as much as a step may grow.
+        """
+        allowed = self.growth * self.courant * coming
+        if allowed < dt:
+            self.limiter, dt = "coming motion", allowed
+        return dt
+
     def advance(self, dt: float) -> None:
         """Count a step of length dt [s]."""
         self.dt = dt

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from math import inf
 from typing import Any
 
 from spume.frame import BodyForce, body_force
@@ -41,6 +42,17 @@ class Domain:
     components: Components = field(default_factory=Components)
     stages: Stopwatch = field(default_factory=Stopwatch)
     motion: Motion | None = None
+
+    @property
+    def prescribed(self) -> bool:
+        """Whether anything changes with time that does not depend on the flow: gravity, the frame, a body's motion."""
+        d = self.lattice.dimension
+        moving = self.motion is not None or any(body.pose(0.0, d) is not None for body in self.bodies)
+        return moving or not self.gravity.steady
+
+    def max_dt(self, t: float) -> float:
+        """Return the largest time step [s] that bodies can follow at a Courant number of one, at the time t [s]."""
+        return min((body.max_dt(t, self.lattice.spacing) for body in self.bodies), default=inf)
 
     def force(self, t: float) -> BodyForce:
         """Return gravity and fictitious accelerations at the time t [s]."""

@@ -31,6 +31,10 @@ class BodyForce:
     spin: NDArray[np.float64]
     gravity: NDArray[np.float64]
 
+    def at_rest(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the acceleration [m/s^2] of particles at rest at these places [m], shapes (n, d)."""
+        return np.asarray(self.uniform + (position - self.focus) @ self.gradient.T)
+
     def numbers(self) -> tuple[float, ...]:
         """Return uniform, focus, gradient (row by row) and spin, filled up to three dimensions with zeros."""
         d = len(self.uniform)

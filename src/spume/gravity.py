@@ -24,6 +24,11 @@ class Gravity(Scheme, family="gravity", selector="kind"):
         raise NotImplementedError
 
     @property
+    def steady(self) -> bool:
+        """Whether it is the same at all times."""
+        return True
+
+    @property
     def stiffness(self) -> float:
         """Strength [1/s^2] of the central part, zero without one."""
         return 0.0
@@ -67,6 +72,11 @@ class Table(Gravity, name="table"):
     """CSV file with the columns time [s], x, y and in 3D z [m/s^2]."""
 
     _series: tuple[NDArray[np.float64], NDArray[np.float64]] = PrivateAttr()
+
+    @property
+    @override
+    def steady(self) -> bool:
+        return False
 
     @override
     def model_post_init(self, context: Any) -> None:

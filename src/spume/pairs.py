@@ -164,6 +164,12 @@ class Pairs:
         """How many times the list was built."""
         return self.list.builds
 
+    @property
+    def periods(self) -> dict[int, float]:
+        """Length of the period of each periodic axis [m]."""
+        lower, upper = self.list.lower, self.list.upper
+        return {k: float(upper[k] - lower[k]) for k, joined in enumerate(self.periodic) if joined}
+
     def update(self, particles: Particles) -> int:
         """Make the list valid for the present positions; return how many rows left the region."""
         particles.written("position")  # whoever moved rows, in whatever way, asks for an update

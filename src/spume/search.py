@@ -109,9 +109,8 @@ class NeighbourList:
         self._reserve(particles)
         low, high = self._wrap_and_bound(particles)
         removed = 0
-        if not (np.all(low >= self.lower) and np.all(high <= self.upper)):
-            x = particles.numpy("position")
-            removed = particles.remove(~np.all((x >= self.lower) & (x <= self.upper), axis=1))
+        if not (np.all(self._within(low)) and np.all(self._within(high))):
+            removed = particles.remove(~np.all(self._within(particles.numpy("position")), axis=1))
             low, high = self._wrap_and_bound(particles)
         if particles.count == 0:
             low = high = self.lower
@@ -120,6 +119,14 @@ class NeighbourList:
         self._updates = 0
         self.builds += 1
         return removed
+
+    def _within(self, x: NDArray[np.floating]) -> NDArray[np.bool_]:
+        """Return which coordinates lie in the region.
+
+        Those along a periodic axis have been brought there, up to rounding, unless they are no numbers.
+        """
+        beyond = np.where(self.periodic, 0.5 * (self.upper - self.lower), 0.0)
+        return np.asarray((x >= self.lower - beyond) & (x <= self.upper + beyond))
 
     def state(self, particles: Particles) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         """Return numbers and arrays, shape (rows,) or (rows, d), from which `restore` makes this list again."""
@@ -333,9 +340,14 @@ def _displacement_kernel(d: int, serial: bool) -> Any:
 def _wrap_and_bound_kernel(d: int, periodic: tuple[bool, ...], serial: bool) -> Any:
     lower = ", ".join(f"lower{k}: real" for k in range(d))
     period = ", ".join(f"period{k}: real" for k in range(d))
+    # Less than an ulp below the lower end, a coordinate would come to lie on the upper one.
     wraps = [
-        f"                position[i][{k}] -= period{k} * qd.floor((position[i][{k}] - lower{k}) / period{k})"
+        f"                position[i][{k}] {change}"
         for k in range(d)
+        for change in (
+            f"-= period{k} * qd.floor((position[i][{k}] - lower{k}) / period{k})",
+            f"= qd.select(position[i][{k}] >= lower{k} + period{k}, lower{k}, position[i][{k}])",
+        )
         if periodic[k]
     ]
     Vectors, _, _, real = _types(d)

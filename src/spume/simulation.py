@@ -1,7 +1,7 @@
 """A simulation: a domain, a step and a clock."""
 
 from collections.abc import Callable, Iterable, Mapping
-from math import inf
+from math import inf, sqrt
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,9 @@ from spume.particles import ANY, FLUID
 from spume.pressure.base import NotConverged
 from spume.search import TooManyNeighbours
 from spume.steps.base import Step
+
+_INSTANTS, _INSTANTS_AT_FIRST = 2, 256
+"""Instants of a step, and of the first, at which is asked what is prescribed."""
 
 State = tuple[dict[str, NDArray[Any]], dict[str, Any]]
 """Arrays by name, and numbers and text that JSON takes."""
@@ -41,6 +44,7 @@ class Simulation:
         self.statistics: dict[str, float] = {}
         domain.particles.declare(step.needed_fields())
         self._viscosity = float(np.max(domain.particles.numpy("kinematic_viscosity"), initial=0.0))
+        self._prescribed = domain.prescribed
         self._acceleration = 0.0
         self._relative_speed = 0.0
         self._snapshot: Snapshot | None = None
@@ -94,16 +98,17 @@ class Simulation:
                 self._acceleration += domain.gravity.stiffness * float(reach)
         if not np.isfinite(speed):
             raise self._diverged(not_a_number(clock))
-        bodies = min((body.max_dt(clock.time, domain.lattice.spacing) for body in domain.bodies), default=inf)
         dt = clock.next_dt(
             domain.lattice,
             speed,
             self._relative_speed,
             self._acceleration / self.step.steadiness**2,
             self.step.viscosity.max_dt(domain.lattice, self.step.viscosity.largest(particles, self._viscosity)),
-            clock.courant * bodies,
+            clock.courant * domain.max_dt(clock.time),
             self.step.max_dt(domain, speed),
         )
+        if self._prescribed:
+            dt = clock.eased(dt, self._coming(dt))
         finding = self.watch.before_step(speed, dt)
         if finding is not None:
             raise self._diverged(finding)
@@ -125,6 +130,17 @@ class Simulation:
         if finding is not None:
             raise self.watch.diverged(finding, clock.step, clock.time)
 
+    def _coming(self, dt: float) -> float:
+        """Return what is prescribed in the next dt [s] allows as a time step, at a Courant number of one [s].
+
+        A first step without gravity and speed may be as long as the run, so it is looked at closely.
+        """
+        domain, t = self.domain, self.clock.time
+        instants = t + dt * np.linspace(0.0, 1.0, (_INSTANTS if self.clock.step else _INSTANTS_AT_FIRST) + 1)[1:]
+        largest = max(float(np.linalg.norm(domain.force(s).uniform)) for s in instants)
+        shaken = self.step.steadiness * sqrt(domain.lattice.spacing / largest) if largest > 0.0 else inf
+        return min(shaken, *(domain.max_dt(s) for s in instants))
+
     def snapshot(self) -> Snapshot:
         """Return the present state as NumPy arrays, copied when asked for; the same object until the next step.
 
@@ -145,6 +161,9 @@ class Simulation:
                 bodies=tuple(body.name for body in domain.bodies),
                 poses={body.name: body.pose(self.time, domain.lattice.dimension) for body in domain.bodies},
                 fields=domain.particles.fields,
+                periods=domain.pairs.periods,
+                stiffness=domain.gravity.stiffness,
+                focus=domain.gravity.focus,
             )
         return self._snapshot
 

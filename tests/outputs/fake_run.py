@@ -43,6 +43,7 @@ def tank(spacing, length, depth, height, width=None, jitter=0.0, seed=0):
         "kind": kind,
         "body": np.where(fluid, -1, 0),
         "material": np.zeros(n, dtype=int),
+        "wall_acceleration": np.where(fluid[:, None], 0.0, np.append(np.zeros(d - 1), -GRAVITY)),
         "to_surface": to_surface,
         "face_area": np.where(
             (kind == WALL) & (np.linalg.norm(to_surface, axis=1) < 0.6 * spacing), spacing ** (d - 1), 0.0

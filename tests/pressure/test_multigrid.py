@@ -186,7 +186,7 @@ def test_more_cells_along_an_axis_than_are_counted(runtime):
     """Two pools whose cells would have the same numbers: they share them, but no aggregate."""
     pool = block(2, 40, disturbance=0.2)
     apart = (aggregation.MOST_CELLS + 2) * aggregation.CELL * 0.1
-    position = np.vstack([pool, pool + [apart, 0.0]])
+    position = np.vstack([pool, pool + np.array([apart, 0.0])])
     tied = position[:, 1] > 1.85
     particles, system = assembled(position, tied, region=([-10.0, -10.0], [apart + 10.0, 10.0]))
     solution, pressure, direct = solved(particles, system, 1e-6)

@@ -41,7 +41,7 @@ def random_system(d=2, seed=0, laplacian=LAPLACIANS["original"], periodic=False,
     state = rng.choice([ABSENT, UNKNOWN, UNKNOWN, UNKNOWN, KNOWN, FLUX], n)
     given = {
         "row_state": state, "source": rng.normal(size=n), "pressure": rng.normal(size=n),
-        "wall_gradient": rng.normal(size=(n, d)), "density": np.full(n, 1000.0),
+        "wall_acceleration": rng.normal(size=(n, d)), "density": np.full(n, 1000.0),
     } | rows  # fmt: skip
     given["kind"] = np.where(given["row_state"] == FLUX, WALL, FLUID)
     lattice, particles, pairs = table(

@@ -21,9 +21,15 @@ def kinetic_energy(snapshot: Snapshot) -> float:
 
 
 def potential_energy(snapshot: Snapshot) -> float:
-    """Return −Σ m g·x over the fluid, zero at the origin of coordinates [J; J/m in 2D]."""
+    """Return Σ m (k |x − c|²/2 − g·x) over the fluid [J; J/m in 2D].
+
+    g is uniform, k and c are stiffness and focus of a central gravity, 0 without one. Zero at the origin of
+    coordinates, or where all is in the focus.
+    """
     position = np.asarray(snapshot["position"], dtype=float)[snapshot.fluid]
-    return float(-mass(snapshot) @ (position @ snapshot.gravity))
+    from_focus = position - snapshot.focus
+    central = 0.5 * snapshot.stiffness * np.einsum("ij,ij->i", from_focus, from_focus)
+    return float(mass(snapshot) @ (central - position @ snapshot.gravity))
 
 
 def momentum(snapshot: Snapshot) -> NDArray[np.float64]:

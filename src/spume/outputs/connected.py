@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,13 +13,21 @@ from spume.outputs.snapshot import Snapshot
 _CELL = 1.25  # size of a cell [l0]
 
 
-def components(position: NDArray[np.floating], spacing: float) -> NDArray[np.int64]:
+def components(
+    position: NDArray[np.floating], spacing: float, periods: Mapping[int, float] | None = None
+) -> NDArray[np.int64]:
     """Return the number of the connected component of every point, shape (points,).
 
     Space is divided into cells of size 1.25 l0; occupied cells that share a face, an edge or a corner are
     connected. So all points closer than 1.25 l0 are together, as the columns of a lattice that a wave stretches,
     and a gap of more than 2.5 √d l0 parts them.
     Component 0 is the largest, 1 the next.
+
+    Args:
+        position: of the points [m], shape (points, d).
+        spacing: l0 [m].
+        periods: number of each periodic axis to the length of its period [m]; cells there are as much wider as it takes
+            to fill the period.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -26,18 +35,28 @@ def components(position: NDArray[np.floating], spacing: float) -> NDArray[np.int
     d = position.shape[1]
     if len(position) == 0:
         return np.zeros(0, dtype=np.int64)
-    cells = np.floor(position / (_CELL * spacing)).astype(np.int64)
+    wide = np.full(d, _CELL * spacing)
+    around = {k: max(int(length / wide[k]), 1) for k, length in (periods or {}).items()}
+    for k, number in around.items():
+        wide[k] = (periods or {})[k] / number
+    cells = np.floor(position / wide).astype(np.int64)
     cells -= cells.min(axis=0) - 1
+    for k, number in around.items():
+        cells[:, k] %= number
     size = cells.max(axis=0) + 2
     strides = np.append(np.cumprod(size[::-1])[::-1][1:], 1)
-    keys, index = np.unique(cells @ strides, return_inverse=True)
+    keys, one, index = np.unique(cells @ strides, return_index=True, return_inverse=True)
+    occupied = cells[one]
     first, second = [], []
     for shift in itertools.product((-1, 0, 1), repeat=d):
-        step = int(np.dot(shift, strides))
-        if step <= 0:  # every pair once
+        if shift <= (0,) * d:  # every pair once
             continue
-        found = np.minimum(np.searchsorted(keys, keys + step), len(keys) - 1)
-        there = keys[found] == keys + step
+        beside = occupied + shift
+        for k, number in around.items():
+            beside[:, k] %= number
+        wanted = beside @ strides
+        found = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+        there = keys[found] == wanted
         first.append(np.flatnonzero(there))
         second.append(found[there])
     i, j = np.concatenate(first), np.concatenate(second)
@@ -55,7 +74,7 @@ def main_body(snapshot: Snapshot) -> NDArray[np.bool_]:
     def compute(s: Snapshot) -> NDArray[np.bool_]:
         mask = np.zeros(len(s), dtype=bool)
         rows = np.flatnonzero(s.fluid)
-        mask[rows[components(np.asarray(s["position"], dtype=float)[rows], s.spacing) == 0]] = True
+        mask[rows[components(np.asarray(s["position"], dtype=float)[rows], s.spacing, s.periods) == 0]] = True
         return mask
 
     mask: NDArray[np.bool_] = snapshot.derived("main body", compute)

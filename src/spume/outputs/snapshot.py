@@ -69,6 +69,8 @@ class Snapshot:
         bodies: labels of the bodies, in the order of the field ``body``.
         fields: field name to its description (unit, doc, output).
         poses: label of each body that moves to where it is, relative to the start.
+        periods: number of each periodic axis to the length of its period [m].
+        stiffness, focus: of a central gravity, -stiffness (x - focus) beside ``gravity`` [1/s^2], [m].
     """
 
     def __init__(
@@ -85,6 +87,9 @@ class Snapshot:
         bodies: tuple[str, ...] = (),
         fields: Mapping[str, FieldLike] | None = None,
         poses: Mapping[str, PoseLike | None] | None = None,
+        periods: Mapping[int, float] | None = None,
+        stiffness: float = 0.0,
+        focus: ArrayLike = 0.0,
     ) -> None:
         self.time = float(time)
         self.step = int(step)
@@ -96,6 +101,9 @@ class Snapshot:
         self.bodies = tuple(bodies)
         self.fields: Mapping[str, FieldLike] = {} if fields is None else fields
         self.poses = {name: pose for name, pose in (poses or {}).items() if pose is not None}
+        self.stiffness = float(stiffness)
+        self.focus: NDArray[np.float64] = np.asarray(focus, dtype=float)
+        self.periods: Mapping[int, float] = dict(periods or {})
         self._fetch: Callable[[str], NDArray[Any]] | None = fetch
         self._arrays: dict[str, NDArray[Any]] = {}
         self._derived: dict[Any, Any] = {}
@@ -153,6 +161,21 @@ class Snapshot:
             return self
         return self.derived(("seen from", body), lambda s: _turned(s, pose))
 
+    def shortest(self, offsets: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return offsets [m], shape (n, d) or fewer axes, through a periodic boundary where that is nearer."""
+        offsets = np.array(offsets, dtype=float)
+        for axis, period in self.periods.items():
+            if axis < offsets.shape[1]:
+                offsets[:, axis] -= period * np.round(offsets[:, axis] / period)
+        return offsets
+
+    def around(self, point: ArrayLike) -> Snapshot:
+        """Return the snapshot with the image of every row that is nearest to a point [m], shape (d,)."""
+        if not self.periods:
+            return self
+        centre = np.asarray(point, dtype=float)
+        return self.derived(("around", tuple(centre)), lambda s: _moved(s, centre + s.shortest(s["position"] - centre)))
+
     def keep(self, names: tuple[str, ...]) -> Snapshot:
         """Return a snapshot with these fields fetched, which stays valid after the next step."""
         kept = Snapshot(
@@ -167,6 +190,9 @@ class Snapshot:
             bodies=self.bodies,
             fields=self.fields,
             poses=self.poses,
+            periods=self.periods,
+            stiffness=self.stiffness,
+            focus=self.focus,
         )
         for name in names:
             kept[name]
@@ -193,6 +219,16 @@ def _turned(snapshot: Snapshot, pose: PoseLike) -> Snapshot:
             return pose.origin(np.asarray(values, dtype=float))
         return pose.unturned(np.asarray(values, dtype=float)) if name in _TURNING else values
 
+    return _like(snapshot, fetch, pose.unturned(snapshot.gravity))
+
+
+def _moved(snapshot: Snapshot, position: NDArray[np.float64]) -> Snapshot:
+    """Return a snapshot whose rows are at other places."""
+    return _like(snapshot, lambda name: position if name == "position" else snapshot[name], snapshot.gravity)
+
+
+def _like(snapshot: Snapshot, fetch: Callable[[str], NDArray[Any]], gravity: NDArray[np.float64]) -> Snapshot:
+    """Return a snapshot of the same instant with other places and directions."""
     return Snapshot(
         fetch,
         time=snapshot.time,
@@ -200,7 +236,7 @@ def _turned(snapshot: Snapshot, pose: PoseLike) -> Snapshot:
         dt=snapshot.dt,
         spacing=snapshot.spacing,
         dimension=snapshot.dimension,
-        gravity=pose.unturned(snapshot.gravity),
+        gravity=gravity,
         n0=snapshot.n0,
         bodies=snapshot.bodies,
         fields=snapshot.fields,

@@ -6,10 +6,11 @@ a pair, sum_j k_ij c_ij (x_i - x_j) + diagonal_i x_i = right_i. Every row of the
 * UNKNOWN: its value is solved for;
 * KNOWN: its value is given (free surface);
 * FLUX: a solid row without an equation; what it imposes on its neighbours goes to the right side, for the pressure a
-  known difference, P_j - P_i = wall_gradient_j . r_ij (Neumann condition);
+  known difference, P_j - P_i = rho_i wall_acceleration_j . r_ij (Neumann condition);
 * ABSENT: it takes no part.
 
-For the pressure k_ij is 1/rho_ij with the mean density of the pair, diagonal_i the draw of the free surface,
+For the pressure k_ij is 1/rho_ij with the mean density of the pair, that of the row alone beside a solid row without
+an equation, which is an image of the row whatever fluid it was in first; diagonal_i the draw of the free surface,
 ``surface_diagonal``, towards ``surface_value``, and right_i is -source_i.
 """
 
@@ -34,7 +35,7 @@ SYSTEM_FIELDS = (
     Field("diagonal", (), "m/kg", "diagonal of the pressure matrix"),
     Field("rhs", (), "1/s^2", "right side of the pressure matrix"),
     Field("row_length", (), "1", "entries of a row beside the diagonal", int),
-    Field("wall_gradient", ("d",), "Pa/m", "solid rows: rho (g - a_wall), the imposed pressure gradient"),
+    Field("wall_acceleration", ("d",), "m/s^2", "solid rows: g - a_wall; times rho the imposed pressure gradient"),
     Field("surface_diagonal", (), "m/kg", "addition to the diagonal by the free surface"),
     Field("surface_value", (), "Pa", "pressure to which the free surface draws a row"),
     Field("grounded", (), "1", "1 where a row is tied to a known pressure", int),
@@ -48,6 +49,7 @@ class Equation:
     Attributes:
         pair: k(a, b), the factor on a pair's coefficient.
         row: k(a), the factor on a coefficient of the row alone (missing neighbours).
+        image: k(a), the factor on that of a FLUX neighbour; None: as on any pair's.
         diagonal, right: (a, *arguments), what the row has on the diagonal and on the right side.
         outside: (a), the value of missing neighbours; None: they do not count.
         known: (b), the value of a KNOWN neighbour.
@@ -67,6 +69,7 @@ class Equation:
     flux_share: Callable[..., Any] | None
     pair_reads: tuple[str, ...]
     row_reads: tuple[str, ...]
+    image: Callable[..., Any] | None = None
 
 
 @kernels.func
@@ -105,13 +108,13 @@ def _pressure(b):  # type: ignore[no-untyped-def]
 
 @kernels.func
 def _imposed(a, b, r):  # type: ignore[no-untyped-def]
-    return b.wall_gradient.dot(r)
+    return a.density * b.wall_acceleration.dot(r)
 
 
 PRESSURE = Equation(
     pair=_specific_volume, row=_own_volume, diagonal=_draw, right=_source, outside=_surface_value, known=_pressure,
-    flux=_imposed, flux_share=None, pair_reads=("density", "pressure", "wall_gradient"),
-    row_reads=("source", "surface_diagonal", "surface_value"),
+    flux=_imposed, flux_share=None, pair_reads=("density", "pressure", "wall_acceleration"),
+    row_reads=("source", "surface_diagonal", "surface_value"), image=_own_volume,
 )  # fmt: skip
 """The pressure Poisson equation, div(grad(P)/rho) = source."""
 
@@ -337,14 +340,15 @@ def _assembly_kernel(
     of_equation = "".join(f", {n}" for n in arguments)
     missing = terms.diagonal is not None and equation.outside is not None
     leaning = terms.rhs is not None
+    factor = "pair(a, b)" if equation.image is None else f"qd.select(state[j] == {FLUX}, image(a), pair(a, b))"
     near_row = f"b = {loading_near.replace('Row(', 'Near(').format(row='j')}"
-    image = minimum_image(periodic)
+    nearest = minimum_image(periodic)
     coefficients = [
         "r = position[j] - x",
-        *image,
+        *nearest,
         "rr = r.dot(r)",
         near_row,
-        "c = scale * coefficient(a, b, r, weight(qd.sqrt(rr), re)) * pair(a, b)",
+        f"c = scale * coefficient(a, b, r, weight(qd.sqrt(rr), re)) * {factor}",
         f"c = qd.select((rr < re * re) & (state[j] != {ABSENT}), c, 0)",
         *(["c = qd.cast(qd.cast(c, entry), real)"] if value != real else []),
         *(["lean += c * r"] if leaning else []),
@@ -408,7 +412,7 @@ def _assembly_kernel(
             "            else:",
             f"                {near_row}",
             "                r = position[j] - x",
-            *[f"                {line}" for line in image],
+            *[f"                {line}" for line in nearest],
             "                c = qd.cast(buffer[k], real)",
             *[f"            {line}" for line in known_values],
         ]

@@ -261,10 +261,18 @@ def nested(scheme: Scheme) -> Iterator[Scheme]:
 
 
 def sum_at_start(step: Step, domain: Domain, more: Sequence[PairSum] = ()) -> None:
-    """Make in one pass the sums that the models of a step ask for where it starts, and ``more``."""
+    """Make in one pass the sums that the models of a step ask for where it starts, and ``more``.
+
+    Where two models want different sums in one field, the later one makes its own when it is called.
+    """
     models = (step.number_density, step.wall_model, step.free_surface, step.divergence, step.viscosity)
-    sums = [s for model in models for s in model.sums(domain.lattice)]
-    pair_sums((*sums, *more), domain.particles, domain.pairs)
+    field_of: dict[str, PairSum] = {}
+    sums = [
+        s
+        for s in (*(s for model in models for s in model.sums(domain.lattice)), *more)
+        if all(field_of.setdefault(name, s) == s for name in s.out)
+    ]
+    pair_sums(sums, domain.particles, domain.pairs)
 
 
 def accelerate(domain: Domain, t: float, dt: float) -> None:

@@ -1,6 +1,7 @@
 """The weakly compressible method: pressure from an equation of state, everything explicit."""
 
 import logging
+from math import inf
 from typing import ClassVar
 
 import numpy as np
@@ -106,7 +107,8 @@ class WeaklyCompressible(Step, name="weakly-compressible"):
     def max_dt(self, domain: Domain, speed: float) -> float:
         """Return acoustic_courant l0/(c0 + |u|) [s]."""
         c0 = domain.particles.smallest("speed_of_sound", FLUID)
-        return self.acoustic_courant * domain.lattice.spacing / (c0 + speed)
+        # Without a fluid row there is no sound.
+        return self.acoustic_courant * domain.lattice.spacing / (c0 + speed) if c0 > 0.0 else inf
 
     def __call__(self, domain: Domain, t: float, dt: float, before: float) -> dict[str, float]:
         """Advance the domain from t to t + dt: forces, pressure, velocity, density, position."""
@@ -149,11 +151,14 @@ class WeaklyCompressible(Step, name="weakly-compressible"):
             self.divergence(lattice, particles, pairs, out="divergence", mirror=self.wall_model.mirror)
             row_map(continuity, particles, out="relative_density", rows=rows, arguments=(dt,))
         row_map(moved, particles, out="position", rows=FLUID, arguments=(dt,))
+        for body in bodies:
+            body.move(particles, t + dt)
 
         with domain.stages("tidying"):
             self.collision(lattice, particles, pairs, dt)
             self.shifting(lattice, particles, pairs, self.number_density, dt)
         for body in bodies:
             body.respond(particles, t, dt)
-        mach = particles.largest_norm("velocity", FLUID) / particles.smallest("speed_of_sound", FLUID)
+        c0 = particles.smallest("speed_of_sound", FLUID)
+        mach = particles.largest_norm("velocity", FLUID) / c0 if c0 > 0.0 else 0.0
         return {"removed": removed, "mach": mach, "acceleration": acceleration}

@@ -40,6 +40,11 @@ def at_rest_on_wall(a):  # type: ignore[no-untyped-def]
     return a.wall_velocity
 
 
+@row_term(reads=("acceleration",))
+def acceleration_at_rest(a):  # type: ignore[no-untyped-def]
+    return a.acceleration
+
+
 class WallModel(Operator, family="wall_model"):
     """What solid rows contribute to source, matrix, gradient and viscosity."""
 
@@ -74,7 +79,8 @@ class WallModel(Operator, family="wall_model"):
         )
 
     def neumann(self, particles: Particles, dt: float) -> None:
-        """Write ``wall_gradient`` [Pa/m] of solid rows from the predicted velocity."""
+        """Write ``wall_acceleration`` [m/s^2] of solid rows: here that of the frame, as of a wall at rest in it."""
+        row_map(acceleration_at_rest, particles, out="wall_acceleration", rows=SOLID)
 
     def view(self, dt: float, of_normals: bool = False) -> PairView | None:
         """Return how a fluid row sees the pressure of a solid row, if not as the field says.

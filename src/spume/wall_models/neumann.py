@@ -10,9 +10,9 @@ from spume.pressure.matrix import FLUX
 from spume.wall_models.base import WALL_FIELDS, WallModel
 
 
-@row_term(reads=("density", "velocity", "wall_velocity"))
-def imposed_gradient(a, dt):  # type: ignore[no-untyped-def]
-    return a.density / dt * (a.velocity - a.wall_velocity)
+@row_term(reads=("velocity", "wall_velocity"))
+def imposed_acceleration(a, dt):  # type: ignore[no-untyped-def]
+    return (a.velocity - a.wall_velocity) / dt
 
 
 @kernels.func
@@ -34,9 +34,14 @@ def pressure_along_normal(a, b, r, dt):  # type: ignore[no-untyped-def]
     return value
 
 
-@pair_term(reads=("pressure", "wall_gradient"))
+@pair_term(reads=("pressure", "density", "wall_acceleration"))
 def weighted_pressure(a, b, r, w):  # type: ignore[no-untyped-def]
-    return w * (b.pressure - a.wall_gradient.dot(r))
+    return w * (b.pressure - b.density * a.wall_acceleration.dot(r))
+
+
+@pair_term(reads=("density",))
+def weighted_density(a, b, r, w):  # type: ignore[no-untyped-def]
+    return w * b.density
 
 
 @pair_term()
@@ -57,8 +62,9 @@ class Neumann(WallModel, name="neumann"):
     P_j - P_i = rho (u*_wall - u_wall)/dt . r_ij that a solid row j imposes on a fluid row i. Fluid at rest
     is then in balance to round-off on the regular arrangement. No solid row has an equation, so the matrix
     is smaller and symmetric; what approaches a wall is stopped by the source, in which solid rows move like
-    mirror images. The pressure of a wall row is the mean over the fluid near it,
-    P_w = sum_j W (P_j - grad_w . r_wj)/sum_j W, that of a dummy follows its wall row.
+    mirror images. A solid row has the density of who looks at it, so fluids may change places along a wall. The
+    pressure of a wall row is the mean over the fluid near it, P_w = sum_j W (P_j - rho_j a_w . r_wj)/sum_j W with
+    a_w = (u*_wall - u_wall)/dt, that of a dummy follows its wall row.
     """
 
     ids: ClassVar = ("F1", "F3")
@@ -72,11 +78,12 @@ class Neumann(WallModel, name="neumann"):
         *WALL_FIELDS,
         Field("weighted_pressure", (), "Pa", "sum of W P over the fluid near a wall row", scratch="extrapolation"),
         Field("fluid_weight", (), "1", "sum of W over the fluid near a wall row", scratch="extrapolation"),
+        Field("weighted_density", (), "kg/m^3", "sum of W rho over the fluid near a wall row", scratch="extrapolation"),
     )
 
     def neumann(self, particles: Particles, dt: float) -> None:
-        """Write ``wall_gradient`` = rho (u* - u_wall)/dt [Pa/m] of solid rows."""
-        row_map(imposed_gradient, particles, out="wall_gradient", rows=SOLID, arguments=(dt,))
+        """Write ``wall_acceleration`` = (u* - u_wall)/dt [m/s^2] of solid rows."""
+        row_map(imposed_acceleration, particles, out="wall_acceleration", rows=SOLID, arguments=(dt,))
 
     def view(self, dt: float, of_normals: bool = False) -> PairView:
         """Return P_j = P_i + rho/dt [n n . (u*_i - u_wall)] . r_ij for a solid row j, to be taken along n alone.
@@ -91,13 +98,15 @@ class Neumann(WallModel, name="neumann"):
     def extrapolate(self, lattice: Lattice, particles: Particles, pairs: Pairs) -> None:
         """Write the pressure of wall rows from the fluid near them, and that of dummies from their wall row."""
         pair_sum(
-            (weighted_pressure, weight_of_fluid), particles, pairs, out=("weighted_pressure", "fluid_weight"),
-            weight=self.weight, re=self.radius(lattice), rows=WALL, over=FLUID,
+            (weighted_pressure, weight_of_fluid, weighted_density), particles, pairs,
+            out=("weighted_pressure", "fluid_weight", "weighted_density"), weight=self.weight,
+            re=self.radius(lattice), rows=WALL, over=FLUID,
         )  # fmt: skip
         row_map(mean_pressure, particles, out="pressure", rows=WALL)
         _extrapolation_kernel(particles.dimension, kernels.light(particles.active))(
-            particles["kind"], particles["master"], particles["position"], particles["wall_gradient"],
-            particles["fluid_weight"], particles["pressure"], particles.rows_by_id(), particles.active,
+            particles["kind"], particles["master"], particles["position"], particles["wall_acceleration"],
+            particles["fluid_weight"], particles["weighted_density"], particles["pressure"], particles.rows_by_id(),
+            particles.active,
         )  # fmt: skip
 
 
@@ -109,15 +118,16 @@ def _extrapolation_kernel(d: int, serial: bool):  # type: ignore[no-untyped-def]
 
     @kernels.kernel
     def extrapolate(
-        kind: Rows, master: Rows, position: Vectors, gradient: Vectors, weight: Reals, pressure: Reals,
-        row_of_id: Rows, count: kernels.i32,
+        kind: Rows, master: Rows, position: Vectors, acceleration: Vectors, weight: Reals, density: Reals,
+        pressure: Reals, row_of_id: Rows, count: kernels.i32,
     ):  # fmt: skip
         qd.loop_config(serialize=serial)
         for i in range(count):
             if kind[i] == DUMMY:
                 j = row_of_id[master[i]]
-                behind = pressure[j] + gradient[i].dot(position[i] - position[j])
                 # Behind a wall row that no fluid touches there is no pressure.
+                mean = density[j] / qd.max(weight[j], 1e-9)
+                behind = pressure[j] + mean * acceleration[i].dot(position[i] - position[j])
                 pressure[i] = qd.select(weight[j] > 1e-9, behind, 0.0)
 
     return extrapolate

@@ -16,8 +16,8 @@ def _per_width(unit: str, dimension: int) -> str:
 class Energy(Gauge, name="energy"):
     """Mechanical energy of the fluid.
 
-    Kinetic Σ m |u|² / 2, potential −Σ m g·x (zero at the origin of coordinates), and their sum, with
-    m = ρ l0^d; per metre of width in 2D.
+    Kinetic Σ m |u|² / 2, potential −Σ m g·x (zero at the origin of coordinates; with a central gravity
+    Σ m k |x − c|²/2, zero in its focus), and their sum, with m = ρ l0^d; per metre of width in 2D.
     """
 
     reads: ClassVar[tuple[str, ...]] = ("position", "velocity", "density", "kind")

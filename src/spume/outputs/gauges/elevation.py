@@ -14,11 +14,12 @@ from spume.outputs.snapshot import FLUID, Snapshot
 _RADIUS = 2.5  # of the smoothing kernel [l0]: a single drop stays below one half everywhere
 _STEPS = 8  # heights tried per l0
 _BELOW = 2.5, 4.5  # where a surface compares itself with the fluid below it [l0]
+_STEEPEST = 0.7  # cosine of the angle between the line and gravity at which a surface can still be met
 _DENSEST = 1.25  # of that fluid, and the inverse of the thinnest
 
 
 class Elevation(Riding, name="elevation"):
-    """Elevation of the free surface on a line against gravity.
+    """Elevation of the free surface on a line along the last axis, down which gravity must point.
 
     The surface is where the filled fraction of space falls to half of what it is below,
 
@@ -39,7 +40,8 @@ class Elevation(Riding, name="elevation"):
     * ``wetted_length``: the length of line in the water, which a wire probe measures, above the
       lowest wet point.
 
-    On a body the line is fixed to it and turns with it, as a wire stretched in a tank does.
+    On a body the line is fixed to it and turns with it, as a wire stretched in a tank does. It looks through periodic
+    boundaries.
 
     On a dry floor ``elevation`` and ``first_surface`` are the floor's; without floor and fluid NaN.
     """
@@ -59,13 +61,18 @@ class Elevation(Riding, name="elevation"):
             raise ValueError(
                 f"gauge {self.name!r}: at = {list(self.at)}: {d - 1} number{'s' if d == 3 else ''} in {d}D"
             )
+        if snapshot.up[-1] < _STEEPEST:
+            raise ValueError(
+                f"gauge {self.name!r}: measures along {'xyz'[d - 1]}, but gravity = {snapshot.gravity.tolist()} does "
+                f"not point down that axis: turn the case so that it does"
+            )
 
     def measure(self, snapshot: Snapshot) -> dict[str, float]:
         snapshot = snapshot.seen_from(self.body)
         l0, d = snapshot.spacing, snapshot.dimension
         radius = _RADIUS * l0
         position = np.asarray(snapshot["position"], dtype=float)
-        aside = position[:, : d - 1] - np.asarray(self.at)
+        aside = snapshot.shortest(position[:, : d - 1] - np.asarray(self.at))
         near = np.flatnonzero(np.einsum("ij,ij->i", aside, aside) < radius**2)
         nothing = {c: float("nan") for c in self.columns(d)} | {"wetted_length": 0.0}
         if len(near) == 0:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spume.outputs.gauge import Gauge
-from spume.outputs.gauges.pressure import wet_rows
+from spume.outputs.gauges.pressure import nearest_fluid
 from spume.outputs.snapshot import WALL, Snapshot
 
 
@@ -18,14 +18,16 @@ class Force(Gauge, name="force"):
     F = −Σ p_s,i n_i A_i,   M = Σ (x_s,i − c) × (−p_s,i n_i A_i),   i: wet wall rows,
 
     n_i = to_surface / |to_surface| looks into the water, x_s,i = x_i + to_surface lies on the wall's
-    surface, and p_s,i = p_i + ρ g·to_surface takes the row's pressure there with the inhomogeneous
-    wall condition. A wall row is wet if fluid is within 1.5 l0. A_i is the row's ``face_area``, l0^(d−1) on a
-    flat wall along the lattice; rows behind an inner corner have none. Where one row stands behind both
-    faces of an outer corner it counts for the face to which it points, so such a body lacks up to l0 of
-    the other face. Friction is not included.
+    surface, and p_s,i = p_i + ρ (g − a_wall)·to_surface takes the row's pressure there with the inhomogeneous
+    wall condition, ρ of the nearest fluid row. A wall row is wet if fluid is within 1.5 l0. A_i is the row's
+    ``face_area``, l0^(d−1) on a flat wall along the lattice; rows behind an inner corner have none. Where one row
+    stands behind both faces of an outer corner it counts for the face to which it points, so such a body lacks up to
+    l0 of the other face. Friction is not included.
     """
 
-    reads: ClassVar[tuple[str, ...]] = ("position", "pressure", "density", "kind", "body", "to_surface", "face_area")
+    reads: ClassVar[tuple[str, ...]] = (
+        "position", "pressure", "density", "kind", "body", "to_surface", "face_area", "wall_acceleration",
+    )  # fmt: skip
 
     body: str
     """Name of the body."""
@@ -52,11 +54,13 @@ class Force(Gauge, name="force"):
         area = np.asarray(snapshot["face_area"], dtype=float)[rows]
         faced = area > 0.0
         rows, to_surface, area = rows[faced], to_surface[faced], area[faced]
-        wet = wet_rows(snapshot, rows)
-        rows, to_surface, area = rows[wet], to_surface[wet], area[wet]
+        near = nearest_fluid(snapshot, rows)
+        wet = near >= 0
+        rows, near, to_surface, area = rows[wet], near[wet], to_surface[wet], area[wet]
         distance = np.linalg.norm(to_surface, axis=1)
         p = np.asarray(snapshot["pressure"], dtype=float)[rows]
-        p = p + np.asarray(snapshot["density"], dtype=float)[rows] * (to_surface @ snapshot.gravity)
+        acceleration = np.asarray(snapshot["wall_acceleration"], dtype=float)[rows]
+        p = p + np.asarray(snapshot["density"], dtype=float)[near] * np.einsum("ij,ij->i", to_surface, acceleration)
         force: NDArray[np.float64] = -(p * area / distance)[:, None] * to_surface
         centre = np.zeros(d) if self.origin is None else np.asarray(self.origin, dtype=float)
         arm = np.asarray(snapshot["position"], dtype=float)[rows] + to_surface - centre

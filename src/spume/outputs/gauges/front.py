@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from spume.outputs.connected import main_body
 from spume.outputs.gauge import Gauge
@@ -32,14 +33,20 @@ class Front(Gauge, name="front"):
             e = self.vector("direction", self.direction, snapshot.dimension)
             if not np.any(e):
                 raise ValueError(f"gauge {self.name!r}: direction = {list(e)}: not the zero vector")
+        for axis in snapshot.periods:
+            if self._along(snapshot.dimension)[axis] != 0.0:
+                raise ValueError(
+                    f"gauge {self.name!r}: direction has a part along {'xyz'[axis]}, where the domain is periodic and "
+                    "nothing is foremost; give another direction"
+                )
 
     def measure(self, snapshot: Snapshot) -> dict[str, float]:
-        if self.direction is None:
-            e = np.eye(snapshot.dimension)[0]
-        else:
-            e = np.asarray(self.direction, dtype=float)
-            e = e / np.linalg.norm(e)
-        ahead = np.asarray(snapshot["position"], dtype=float)[main_body(snapshot)] @ e
+        ahead = np.asarray(snapshot["position"], dtype=float)[main_body(snapshot)] @ self._along(snapshot.dimension)
         if len(ahead) == 0:
             return {"front": float("nan")}
         return {"front": float(ahead.max()) + 0.5 * snapshot.spacing}
+
+    def _along(self, dimension: int) -> NDArray[np.float64]:
+        """Return the direction, of length one."""
+        e = np.eye(dimension)[0] if self.direction is None else np.asarray(self.direction, dtype=float)
+        return np.asarray(e / np.linalg.norm(e))

@@ -53,14 +53,14 @@ class Pressure(Riding, name="pressure"):
             n = self.vector("normal", self.normal, snapshot.dimension)
             if not np.any(n):
                 raise ValueError(f"gauge {self.name!r}: normal = {list(n)}: not the zero vector")
-        elif self.face is not None and self._wall_normal(snapshot) is None:
+        elif self.face is not None and self._wall_normal(snapshot.around(self.at)) is None:
             raise ValueError(
                 f"gauge {self.name!r}: no wall within {_RADIUS:g} spacings of at = {list(self.at)} gives the "
                 "face its normal; give normal = [...]"
             )
 
     def measure(self, snapshot: Snapshot) -> dict[str, float]:
-        snapshot = snapshot.seen_from(self.body)
+        snapshot = snapshot.seen_from(self.body).around(self.at)
         l0 = snapshot.spacing
         position = np.asarray(snapshot["position"], dtype=float)
         centre = np.asarray(self.at, dtype=float)
@@ -115,7 +115,14 @@ class Pressure(Riding, name="pressure"):
 
 
 def wet_rows(snapshot: Snapshot, rows: NDArray[np.intp], fluid: NDArray[np.intp] | None = None) -> NDArray[np.bool_]:
-    """Return which of these rows have fluid within 1.5 l0, shape (len(rows),).
+    """Return which of these rows have fluid within 1.5 l0, shape (len(rows),); arguments as of `nearest_fluid`."""
+    return nearest_fluid(snapshot, rows, fluid) >= 0
+
+
+def nearest_fluid(
+    snapshot: Snapshot, rows: NDArray[np.intp], fluid: NDArray[np.intp] | None = None
+) -> NDArray[np.intp]:
+    """Return the fluid row nearest to each of these rows, shape (len(rows),), -1 where none is within 1.5 l0.
 
     Args:
         snapshot: the state.
@@ -127,12 +134,14 @@ def wet_rows(snapshot: Snapshot, rows: NDArray[np.intp], fluid: NDArray[np.intp]
     position = np.asarray(snapshot["position"], dtype=float)
     if fluid is None:
         tree = snapshot.derived("fluid tree", lambda s: cKDTree(position[s.fluid]))
+        fluid = np.flatnonzero(snapshot.fluid)
     else:
         tree = cKDTree(position[fluid])
     if len(rows) == 0 or tree.n == 0:
-        return np.zeros(len(rows), dtype=bool)
-    distance, _ = tree.query(position[rows], distance_upper_bound=_REACH * snapshot.spacing)
-    return np.isfinite(distance)
+        return np.full(len(rows), -1)
+    distance, found = tree.query(position[rows], distance_upper_bound=_REACH * snapshot.spacing)
+    near = np.isfinite(distance)
+    return np.where(near, fluid[np.where(near, found, 0)], -1)
 
 
 def point_pressure(

@@ -1,6 +1,8 @@
 """The family of free-surface detections."""
 
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
+
+from pydantic import model_validator
 
 from spume.lattice import Lattice
 from spume.pairs import Pairs, row_map, row_term
@@ -26,6 +28,14 @@ class FreeSurface(Operator, family="free_surface"):
     needs: ClassVar[tuple[Field, ...]] = (SURFACE_SHARE,)
     known: ClassVar[bool] = True
     """Whether the rows it marks have a known pressure; otherwise the matrix solves for them too."""
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        """Refuse limits between which no row can be."""
+        lower, upper = (getattr(self, n, None) for n in ("lower", "upper"))
+        if lower is not None and upper is not None and not lower < upper:
+            raise ValueError(f"free_surface {self.key!r}: lower = {lower:g} must be less than upper = {upper:g}")
+        return self
 
     def __call__(self, lattice: Lattice, particles: Particles, pairs: Pairs, number_density: Any) -> None:
         """Write ``free_surface`` (1 or 0) and ``surface_share`` (1 … 0) of fluid and wall rows.

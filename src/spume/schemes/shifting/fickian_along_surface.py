@@ -1,8 +1,9 @@
 """Particle shifting by Fick's law that goes on along the free surface."""
 
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 from pydantic import Field as Parameter
+from pydantic import model_validator
 
 from spume.kernels import sqrt
 from spume.lattice import Lattice
@@ -47,6 +48,14 @@ class FickianAlongSurface(Fickian, name="fickian-along-surface"):
     """Fraction of n0 up to which a surface row is spray, which is not shifted [1]."""
     supported: float = Parameter(default=0.65, gt=0.0, le=1.0)
     """Fraction of n0 from which a surface row is shifted along the surface in full [1]."""
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        if self.spray > self.supported:
+            raise ValueError(
+                f"shifting {self.key!r}: spray = {self.spray:g} must not exceed supported = {self.supported:g}"
+            )
+        return self
 
     def __call__(self, lattice: Lattice, particles: Particles, pairs: Pairs, number_density: Any, dt: float) -> None:
         """Shift ``position`` of fluid rows; ``shift`` keeps the displacement."""

@@ -28,9 +28,8 @@ def measure(folder: Folder) -> Measured:
     crossings = t[rising] - difference[rising] * width / height
     periods = crossings[-1] / round(crossings[-1] / PERIOD) if len(crossings) else math.nan
     # The energy of the disk at rest is M R^2/4 in units of omega^2; what is above it is that of the oscillation.
-    potential = _central_energy(folder, energy["time"])
-    total, rest = energy["total"] + potential, potential[0]
-    excess = (total - rest) / (total[0] - rest)
+    rest = energy["potential"][0]
+    excess = (energy["total"] - rest) / (energy["total"][0] - rest)
     count = t[-1] / PERIOD
     return Measured(
         {
@@ -40,15 +39,6 @@ def measure(folder: Folder) -> Measured:
         },
         {"semi-axis along y": (t, a), "energy of the oscillation": (energy["time"], excess)},
     )
-
-
-def _central_energy(folder: Folder, t: np.ndarray) -> np.ndarray:
-    """Return the potential energy of the central force, m r^2/2 summed, linear in time between the frames [J/m]."""
-    times, values = [], []
-    for frame in folder.frames():
-        times.append(frame.time)
-        values.append(500.0 * frame.spacing**2 * float((frame["position"] ** 2).sum()))
-    return np.interp(t, times, values)
 
 
 def _run(cells: int) -> Run:
