@@ -311,3 +311,14 @@ def test_prediction_with_threads_follows_what_they_share():
     whatever = 1e-3 * predict(a_case, rows, 1).steps
     assert (one - whatever) / (two - whatever) == pytest.approx(1.7, rel=0.01)
     assert 0.1 * one < all_there_are < 0.5 * one
+
+
+def test_a_domain_that_ends_inside_a_wall_is_refused():
+    box = {"lower": [0.0, 0.0], "upper": [0.3, 0.5]}
+    case = Case(
+        spacing=0.02, time=Time(end=1.0), domain=Domain(**box),
+        fluid=[Fluid(name="water", shape=Box(lower=[0.0, 0.0], upper=[0.3, 0.2]))],
+        body=[Wall(name="tank", shape=Tank(**box, open=["top"]))],
+    )  # fmt: skip
+    with pytest.raises(CaseError, match=r"domain.lower: and upper leave out 213 of 363 rows, of tank"):
+        build(case)

@@ -263,3 +263,19 @@ def test_what_is_not_clipped_is_kept(device):
         assert simulation.statistics["clipped"] == 0
         lowest = min(lowest, by_id(simulation, "pressure").min())
     assert lowest < 0.0
+
+
+@pytest.mark.parametrize("other", [500.0, 1.0])
+def test_a_wall_is_an_image_of_whatever_fluid_is_there(device, other):
+    """Water over walls that were in another fluid at the start, whose density they keep, is in balance all the same."""
+    found = {}
+    for density in (other, 1000.0):
+        step = ProjectInPlace(solver=ConjugateGradient(tolerance=1e-12))
+        simulation = build(column(step=step, initial="hydrostatic"), device)
+        kind = simulation.particles.numpy("kind")
+        simulation.particles.set("density", np.where(kind == FLUID, 1000.0, density))
+        advanced(simulation, steps=20)
+        found[density] = by_id(simulation, "position"), by_id(simulation, "pressure", kinds=SOLID)
+    (x, p), (x_of_one, p_of_one) = found[other], found[1000.0]
+    assert x == pytest.approx(x_of_one, abs=1e-9)
+    assert p == pytest.approx(p_of_one, abs=1e-5 * RHO_G), "wall rows and dummies"

@@ -6,8 +6,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from arrangements import block, offsets, table
+from conftest import initialized
 from spume import kernels, lanes
-from spume.particles import DUMMY, FLUID, WALL
+from spume.pairs import Pairs
+from spume.particles import DUMMY, FLUID, WALL, Particles
 from spume.ranges import CELLS_PER_REACH
 
 pytestmark = pytest.mark.usefixtures("runtime")
@@ -311,3 +313,18 @@ def test_a_table_that_lost_every_row():
 def test_a_period_too_short_is_refused():
     with pytest.raises(ValueError, match="axis 0: at least three times the search radius"):
         table(block(2, 5), region=([-0.3, -1.0], [0.3, 1.0]), periodic=[True, False])
+
+
+@pytest.mark.parametrize(("lower", "upper"), [(0.0, 0.3), (-0.3, 0.3), (0.0, 20.0)])
+@pytest.mark.parametrize("precision", ["single", "double"])
+def test_no_row_is_lost_at_a_periodic_boundary(device, precision, lower, upper):
+    """However rounding falls where it crosses; what is no number is removed there, too."""
+    initialized(device, 1, precision)
+    x = np.array([lower - 1e-9, lower - 2e-8, lower, upper, upper + 1e-8, np.float32(upper), np.nan, 0.1])
+    particles = Particles(2, 0.1, (), capacity=len(x))
+    particles.insert({"position": np.stack([x, np.full(len(x), 0.1)], -1), "kind": np.full(len(x), FLUID)})
+    pairs = Pairs(0.05, 0.02, [lower, 0.0], [upper, 1.0], [True, False])
+    assert pairs.update(particles) == 1
+    assert particles.count == len(x) - 1
+    found = particles.numpy("position")[:, 0]
+    assert np.all((found >= np.float32(lower)) & (found <= np.float32(upper)))

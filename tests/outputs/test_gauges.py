@@ -283,3 +283,70 @@ def test_columns_are_what_is_measured():
         ):
             kept = snapshot.keep(gauge.reads)  # what it declares is all that it reads
             assert list(gauge.measure(kept)) == list(gauge.columns(snapshot.dimension))
+
+
+@pytest.mark.parametrize("frame", ["laboratory", "tank"])
+def test_the_force_on_an_accelerated_tank_is_that_on_its_water(frame):
+    """F = m (g - a), closed and full, so that nothing can move inside."""
+    import spume
+    from spume.motion import Sinusoid
+    from spume.steps.project_in_place import ProjectInPlace
+
+    a, l0, size = 3.0, 0.025, (0.3, 0.2)
+    omega = 2.0 * np.pi / 10.0  # a slow sine from its turning point: x = a t^2/2
+    motion = Sinusoid(amplitude=[a / omega**2, 0.0], period=10.0, phase_deg=-90.0)
+    case = spume.Case(
+        spacing=l0, time=spume.Time(end=0.1), step=ProjectInPlace(), domain=spume.Domain(frame=frame, motion=motion),
+        fluid=[spume.Fluid(name="water", shape=spume.Box(lower=[0.0, 0.0], upper=size), initial="hydrostatic")],
+        body=[spume.Wall(name="tank", shape=spume.Tank(lower=[0.0, 0.0], upper=size))],
+    )  # fmt: skip
+    simulation = case.build(threads=1)
+    while simulation.time < 0.05:
+        simulation.advance()
+    force = Force(name="f", body="tank").measure(simulation.snapshot())
+    mass = 1000.0 * size[0] * size[1]
+    assert force["force_x"] == pytest.approx(-mass * a, rel=0.01)
+    assert force["force_y"] == pytest.approx(-mass * 9.81, rel=0.01)
+
+
+def test_gauges_look_through_a_periodic_boundary():
+    rows = still()
+    water = rows["kind"] == 1
+    keep = water | ((rows["position"][:, 1] < 0.0) & (rows["position"][:, 0] > 0.0) & (rows["position"][:, 0] < 1.0))
+    rows = {name: values[keep] for name, values in rows.items()} | {"id": np.arange(int(keep.sum()))}
+    snapshot = snapshot_of(rows, L0)
+    snapshot.periods = {0: 1.0}
+    middle = Elevation(name="e", at=(0.5,)).measure(snapshot)
+    for x in (0.0, 0.001, 0.999):
+        assert Elevation(name="e", at=(x,)).measure(snapshot) == pytest.approx(middle, abs=1e-5)
+    inside = Pressure(name="p", at=(0.5, 0.25)).measure(snapshot)["pressure"]
+    for x in (0.0, 0.999):
+        assert Pressure(name="p", at=(x, 0.25)).measure(snapshot)["pressure"] == pytest.approx(inside, rel=1e-9)
+    with pytest.raises(ValueError, match="x, where the domain is periodic"):
+        Front(name="f").check(snapshot)
+    Front(name="f", direction=(0.0, 1.0)).check(snapshot)
+
+
+def test_a_body_of_fluid_goes_on_behind_a_periodic_boundary():
+    x = (np.stack(np.meshgrid(np.arange(40), np.arange(5)), -1).reshape(-1, 2) + 0.5) * L0
+    apart = np.abs(x[:, 0] - 20 * L0) > 4 * L0
+    assert components(x[apart], L0).max() == 1
+    assert components(x[apart], L0, {0: 40 * L0}).max() == 0
+    assert components(x[apart], L0, {0: 44 * L0}).max() == 1, "four spacings are missing there"
+
+
+def test_a_line_that_no_surface_crosses_is_refused():
+    snapshot = snapshot_of(still(), L0)
+    Elevation(name="e", at=(0.5,)).check(snapshot)
+    snapshot.gravity = np.array([9.81, 0.0])
+    with pytest.raises(ValueError, match="does not point down"):
+        Elevation(name="e", at=(0.5,)).check(snapshot)
+
+
+def test_energy_in_a_central_gravity():
+    rows = still()
+    snapshot = snapshot_of(rows, L0)
+    snapshot.gravity, snapshot.stiffness, snapshot.focus = np.zeros(2), 3.0, np.array([0.2, 0.1])
+    r = rows["position"][rows["kind"] == 1] - snapshot.focus
+    expected = 0.5 * 3.0 * DENSITY * L0**2 * (r**2).sum()
+    assert Energy(name="e").measure(snapshot)["potential"] == pytest.approx(expected, rel=1e-12)

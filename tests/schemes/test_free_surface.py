@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from arrangements import block, inside, offsets, table, weights
+from spume.named import find
 from spume.pressure.matrix import SYSTEM_FIELDS
 from spume.schemes.free_surface.asymmetry import Asymmetry, flat_sum
 from spume.schemes.free_surface.base import SURFACE_SHARE
@@ -228,3 +229,12 @@ def test_moved_positions_without_detection_want_a_gradient_that_counts_what_is_m
     x, p = column_rows(simulation, "position", "pressure")
     error = np.abs(p - 9810.0 * (0.4 - x[:, 1])).max() / (9810.0 * 0.4)
     assert error > 0.15 if bound is None else error < bound
+
+
+@pytest.mark.parametrize("key", ["blended", "imaged", "umbrella", "vector"])
+def test_limits_in_the_wrong_order_are_refused(key):
+    scheme = find("free_surface", key)
+    with pytest.raises(ValueError, match=r"lower = 0\.9 must be less than upper = 0\.8"):
+        scheme(lower=0.9, upper=0.8)
+    with pytest.raises(ValueError, match="must be less than upper"):
+        scheme(lower=0.9, upper=0.9)

@@ -105,3 +105,13 @@ def test_a_column_collapses_as_with_a_projection(device):
 def test_the_speed_of_sound_must_be_known(device):
     with pytest.raises(ValueError, match="speed_of_sound"):
         build(drop(step=WeaklyCompressible(), gravity=(0.0, 0.0)), device).advance()
+
+
+def test_a_run_goes_on_when_all_fluid_has_left(device):
+    """Nothing holds the drop; below the domain it is removed."""
+    case = drop(l0=0.05, radius=0.1, step=WeaklyCompressible(speed_of_sound=20.0))
+    case = case.model_copy(update={"domain": spume.Domain(lower=[-1.0, -0.2], upper=[1.0, 1.0], gravity=[0.0, -9.81])})
+    simulation = build(case, device)
+    while simulation.time < 0.35:
+        simulation.advance()
+    assert not simulation.snapshot().fluid.any()

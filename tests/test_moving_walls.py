@@ -1,0 +1,71 @@
+"""Bodies that move in the laboratory: in every step, from any time on, and what they do to the time step."""
+
+import numpy as np
+import pytest
+
+import spume
+from spume.motion import Sinusoid, Uniform
+from spume.particles import SOLID
+from spume.steps.predict_move_project import PredictMoveProject
+from spume.steps.project_in_place import ProjectInPlace
+from spume.steps.weakly_compressible import WeaklyCompressible
+from tanks import by_id
+
+L0 = 0.025
+STEPS = [ProjectInPlace(), PredictMoveProject(), WeaklyCompressible(speed_of_sound=20.0)]
+
+
+def case(motion, step, **more):
+    """Return water in a tank, beside a block that hangs above it and moves."""
+    return spume.Case(
+        spacing=L0, time=spume.Time(end=3.0), step=step, **more,
+        fluid=[spume.Fluid(name="water", shape=spume.Box(lower=[0.0, 0.0], upper=[0.3, 0.2]))],
+        body=[
+            spume.Wall(name="tank", shape=spume.Tank(lower=[0.0, 0.0], upper=[0.3, 0.6], open=["top"])),
+            spume.Wall(name="block", shape=spume.Box(lower=[0.1, 0.35], upper=[0.2, 0.45]), motion=motion),
+        ],
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("step", STEPS, ids=lambda step: step.key)
+def test_a_body_is_where_its_motion_puts_it(device, step):
+    velocity = np.array([0.05, 0.2])
+    simulation = case(Uniform(velocity=velocity.tolist()), step).build(device=device, threads=1)
+    names = ("position", "to_surface", "body")
+    start, surface, body = by_id(simulation, *names, kinds=SOLID)
+    for _ in range(8):
+        simulation.advance()
+    x, to_surface, _ = by_id(simulation, *names, kinds=SOLID)
+    block = (body == 1)[:, None]
+    assert simulation.time > 1e-3
+    assert x == pytest.approx(start + block * velocity * simulation.time, abs=1e-12)
+    assert to_surface == pytest.approx(surface, abs=1e-12)
+
+
+@pytest.mark.parametrize("frame", ["laboratory", "tank"])
+@pytest.mark.parametrize("begin", [{"ramp": 0.5}, {"start": 0.5}], ids=["ramp", "start"])
+def test_a_motion_that_is_yet_to_begin_is_not_jumped_over(device, begin, frame):
+    """Without gravity nothing limits the first step but what will be."""
+    motion = Sinusoid(amplitude=[0.05, 0.0], period=0.8, **begin)
+    shaken = spume.Case(
+        spacing=L0, time=spume.Time(end=3.0), domain=spume.Domain(gravity=[0.0, 0.0], motion=motion, frame=frame),
+        fluid=[spume.Fluid(name="water", shape=spume.Box(lower=[0.0, 0.0], upper=[0.2, 0.1]))],
+        body=[spume.Wall(name="tank", shape=spume.Tank(lower=[0.0, 0.0], upper=[0.2, 0.1]))],
+    )  # fmt: skip
+    simulation = shaken.build(device=device, threads=1)
+    fastest = 0.05 * 2 * np.pi / 0.8
+    while simulation.time < 0.9:
+        before = motion.pose(simulation.time, 2).shift
+        simulation.advance()
+        way = np.linalg.norm(motion.pose(simulation.time, 2).shift - before)
+        assert way < (0.3 if frame == "laboratory" else 1.0) * L0, simulation.time
+    assert simulation.particles.largest_norm("velocity") < 2.0 * fastest
+
+
+def test_a_gravity_that_grows_from_nothing_limits_the_first_step(device, tmp_path):
+    table = tmp_path / "g.csv"
+    table.write_text("time [s],x [m/s^2],y [m/s^2]\n0,0,0\n0.2,0,-9.81\n3,0,-9.81\n")
+    calm = case(None, ProjectInPlace(), domain=spume.Domain(gravity={"kind": "table", "file": str(table)}))
+    simulation = calm.build(device=device, threads=1)
+    simulation.advance()
+    assert simulation.dt < 0.3 * np.sqrt(L0 / 9.81)
