@@ -38,7 +38,7 @@ def test_rows_of_a_tank():
     fluid = rows["kind"] == FLUID
     assert fluid.sum() == 18
     assert rows["position"][fluid].min() == pytest.approx(0.05)
-    assert (rows["kind"] == WALL).sum() == 16 + 2 + 2 * 6
+    assert (rows["kind"] == WALL).sum() == 16 + 2 + 2 * 6 + 2 * 2, "the rim of either wall, too"
     assert np.array_equal(rows["id"], np.arange(len(rows["id"])))
     assert np.array_equal(rows["master"][fluid], rows["id"][fluid])
     assert np.all(rows["kind"][rows["master"][~fluid]] == WALL)

@@ -69,3 +69,22 @@ def test_a_gravity_that_grows_from_nothing_limits_the_first_step(device, tmp_pat
     simulation = calm.build(device=device, threads=1)
     simulation.advance()
     assert simulation.dt < 0.3 * np.sqrt(L0 / 9.81)
+
+
+def test_water_that_runs_over_the_rim_of_a_tank_stands_on_it(device):
+    """It flows off outside and falls; none sinks into the wall, which would end the run."""
+    l0 = 0.02
+    full = spume.Case(
+        spacing=l0, time=spume.Time(end=0.45),
+        fluid=[spume.Fluid(name="water", shape=spume.Box(lower=[0.0, 0.0], upper=[0.2, 0.6]))],
+        body=[spume.Wall(name="tank", shape=spume.Tank(lower=[0.0, 0.0], upper=[0.4, 0.3], open=["top"]))],
+    )  # fmt: skip
+    simulation = full.build(device=device, threads=1)
+    over = 0
+    while not simulation.done:
+        simulation.advance()
+        x = by_id(simulation, "position")
+        beside = np.maximum(-x[:, 0], x[:, 0] - 0.4)
+        over = max(over, int(np.count_nonzero((beside > l0) & (x[:, 1] > 0.3))))
+        assert not np.any((beside > 0.5 * l0) & (beside < 2.4 * l0) & (x[:, 1] < 0.3 - 0.5 * l0) & (x[:, 1] > 0.0))
+    assert over > 5

@@ -18,7 +18,9 @@ def test_rows_have_everything_the_table_needs():
     assert np.all(rows["velocity"] == [2.0, 0.0])
     assert np.all(rows["kind"][rows["master"]] == WALL)
     surface = rows["position"] + rows["to_surface"]
-    assert wall.shape.distance(surface) == pytest.approx(0.0, abs=1e-12)
+    rim = surface[:, 1] > 0.5 - 1e-9
+    assert rim.any()
+    assert wall.shape.distance(surface[~rim]) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_origin_moves_the_lattice():

@@ -30,10 +30,23 @@ def test_open_tank_ends_at_its_rim():
     layers = wall_layers(OPEN_TANK, Grid((0.0, 0.0), L0), 3, wetted="inside")
     assert len(layers.position) == 16 * 3 + 2 * 3 * 5
     assert layers.position[:, 1].max() == pytest.approx(0.45)
-    assert layers.wall.sum() == 12 + 2 * 5
-    rim = row(layers, [-0.25, 0.45])
-    assert layers.to_surface[rim] == pytest.approx([0.25, 0.0])
-    assert layers.position[layers.master[rim]] == pytest.approx([-0.05, 0.45])
+    assert layers.wall.sum() == 12 + 2 * 5 + 2 * 2
+
+
+def test_the_rim_of_an_open_tank_is_a_surface():
+    """Water that runs over it stands on it; what is as near to the wetted face belongs to that."""
+    layers = wall_layers(OPEN_TANK, Grid((0.0, 0.0), L0), 3, wetted="inside")
+    for x in (-0.15, -0.25):
+        rim = row(layers, [x, 0.45])
+        assert layers.wall[rim]
+        assert layers.to_surface[rim] == pytest.approx([0.0, 0.05])
+        assert layers.face_area[rim] == pytest.approx(L0)
+    assert layers.to_surface[row(layers, [-0.05, 0.45])] == pytest.approx([0.05, 0.0])
+    below = row(layers, [-0.25, 0.35])
+    assert not layers.wall[below]
+    assert layers.to_surface[below] == pytest.approx([0.0, 0.15])
+    assert layers.position[layers.master[below]] == pytest.approx([-0.25, 0.45])
+    assert layers.to_surface[row(layers, [-0.25, 0.15])] == pytest.approx([0.25, 0.0])
 
 
 def test_first_layer_is_one_spacing_from_the_fluid():
@@ -113,7 +126,7 @@ def test_3d_corner():
     corner = row(layers, [-0.05, -0.05, -0.05])
     assert layers.wall[corner]
     assert layers.position[layers.master[row(layers, [-0.15, -0.15, -0.15])]] == pytest.approx([-0.05] * 3)
-    assert layers.wall.sum() == 6 * 6 * 5 - 4 * 4 * 4
+    assert layers.wall.sum() == 6 * 6 * 5 - 4 * 4 * 4 + (10 * 10 - 6 * 6), "with the rim"
 
 
 @pytest.mark.parametrize(

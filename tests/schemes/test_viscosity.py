@@ -8,6 +8,7 @@ from arrangements import block, table
 from spume.particles import DUMMY, FLUID, WALL
 from spume.pressure.conjugate_gradient import ConjugateGradient
 from spume.pressure.matrix import SYSTEM_FIELDS
+from spume.schemes.laplacian.distance import Distance
 from spume.schemes.laplacian.second_order import SecondOrder
 from spume.schemes.turbulence.smagorinsky import Smagorinsky
 from spume.schemes.viscosity.explicit import Explicit
@@ -189,3 +190,18 @@ def test_turbulence_adds_to_both_viscosities():
 def test_an_inconsistent_solver_is_refused():
     with pytest.raises(ValidationError, match="'cg' needs a symmetric matrix, which the laplacian 'second-order'"):
         Implicit(laplacian=SecondOrder())
+
+
+@pytest.mark.parametrize("apart", [1.0, 0.5, 0.3, 0.1, 0.01])
+def test_a_pair_that_nearly_touches_is_not_thrown_apart(apart):
+    """The longest step that viscosity allows leaves no pair a larger relative velocity, and its momentum as it was."""
+    x = np.array([[0.0, 0.0], [0.1 * apart, 0.0]])
+    domain = table(x, fields=FIELDS, velocity=[[1.0, 0.5], [-1.0, 0.0]])
+    _, particles, _ = domain
+    set_viscosity(particles, 1e-2)
+    viscosity = Explicit(laplacian=Distance())
+    particles.set("slip_velocity", particles.numpy("velocity"))
+    step(viscosity, domain, viscosity.max_dt(domain[0], 1e-2))
+    u = particles.numpy("velocity")
+    assert u.sum(axis=0) == pytest.approx([0.0, 0.5], abs=1e-12)
+    assert np.linalg.norm(u[0] - u[1]) < np.linalg.norm([2.0, 0.5])

@@ -38,7 +38,8 @@ def wall_layers(shape: Shape, grid: Grid, layers: int, *, wetted: str) -> Layers
 
     The wall layer holds the solid cells whose centres are nearer than one spacing to the wetted
     surface, the diagonal cell of a corner included; the dummies are the solid cells behind it up to
-    `layers` cells from the fluid. At an open face of a tank nothing stands beyond the face.
+    `layers` cells from the fluid. At an open face of a tank nothing stands beyond the face. The walls' own top, around
+    an open upper face, is wet too: water that runs over the rim stands on it.
 
     Raises:
         TooManyCellsError: more cells than this machine's memory holds.
@@ -70,12 +71,20 @@ def wall_layers(shape: Shape, grid: Grid, layers: int, *, wetted: str) -> Layers
     cells, depth = cells[order], np.concatenate([np.empty(0), *depths])[order]
     position = grid.centres(cells)
     to_surface = shape.nearest(position) - position
+    rim = np.zeros(len(position), dtype=bool)
+    if wetted == "inside":
+        up = shape.below_rim(position)
+        # What stands as near to the wetted face as to the rim belongs to the face.
+        rim = up < np.linalg.norm(to_surface, axis=1) - 1e-6 * grid.spacing
+        to_surface[rim] = 0.0
+        to_surface[rim, -1] = up[rim]
+        depth = np.where(rim, up / grid.spacing, depth)
     on = np.flatnonzero(np.abs(depth) < _ON)
     if len(on):
         to_surface[on] = _ON * grid.spacing * _into_the_fluid(shape, position[on], sign, grid.spacing)
     wall = depth < 1.0 - 1e-6
     area = np.where(wall, face_area(to_surface, grid.spacing), 0.0)
-    faced = np.flatnonzero(area)
+    faced = np.flatnonzero((area > 0.0) & ~rim)
     area[faced] *= _stretch(shape, position[faced], to_surface[faced], 0.25 * grid.spacing)
     return Layers(position, wall, to_surface, area, masters(position, wall, to_surface))
 

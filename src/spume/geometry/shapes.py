@@ -81,6 +81,10 @@ class Shape(Scheme, family="shape", selector="kind"):
         """Return where rows of a wall that contains fluid may stand (not beyond an open face), shape (n,)."""
         return np.ones(len(points), dtype=bool)
 
+    def below_rim(self, points: Points) -> NDArray[np.float64]:
+        """Return how far below the plane of an open upper face points [m], shape (n, d), are [m]; inf without one."""
+        return np.full(len(points), np.inf)
+
 
 class _Corners(Shape):
     """What an axis-aligned box and a tank share."""
@@ -187,6 +191,12 @@ class Tank(_Corners, name="tank"):
         if self.open_faces().all():
             raise ValueError("a tank with every face open has no walls")
         return self
+
+    @override
+    def below_rim(self, points: Points) -> NDArray[np.float64]:
+        if not self.open_faces()[1, -1]:
+            return super().below_rim(points)
+        return np.asarray(self.upper[-1] - points[:, -1])
 
     @override
     def gap(self, points: Points) -> NDArray[np.float64]:

@@ -82,6 +82,9 @@ class Elevation(Riding, name="elevation"):
         fluid = np.asarray(snapshot["kind"])[near] == FLUID
         to_surface = np.asarray(snapshot["to_surface"], dtype=float)[near]
         floor = ~fluid & (to_surface[:, -1] > 0.5 * np.linalg.norm(to_surface, axis=1))
+        # The rim of a tank beside the line is no floor of its water.
+        highest = height[floor].min(initial=np.inf) + 2.0 * radius
+        floor &= height <= max(highest, height[fluid].max(initial=-np.inf))
 
         wet = fluid | floor
         if not np.any(wet):

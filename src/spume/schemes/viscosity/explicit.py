@@ -18,8 +18,11 @@ from spume.schemes.viscosity.base import Viscosity, refuse_lagged, shared_viscos
 from spume.schemes.wall_function.base import WallFunction
 from spume.schemes.wall_function.none import Resolved
 
+NEAREST = 0.5
+"""Pairs nearer than this exchange less momentum than at this distance [l0]."""
 
-def _added(a, total, scale):  # type: ignore[no-untyped-def]
+
+def _added(a, total, scale, nearest):  # type: ignore[no-untyped-def]
     return a.acceleration + scale / a.density * total
 
 
@@ -30,7 +33,8 @@ class Explicit(Viscosity, name="explicit"):
     round-off with a symmetric Laplacian. Solid rows take part with their ``slip_velocity``, the image of the fluid in
     the wall, or with the stress of a ``wall_function``: mu (u_j - u_i) is then -tau h t, t the direction of the motion
     along the wall and h the distance of i from the plane through j, so that per area the fluid loses tau. Stable up to
-    a time step of the order of l0^2/nu; for more, ``implicit``.
+    a time step of the order of l0^2/nu; for more, ``implicit``. Between fluid rows nearer than l0/2, which are about to
+    collide, c is less by (r/(l0/2))^4: growing like 1/r^3, it would turn such a pair round and throw it apart.
     """
 
     ids: ClassVar = ("A6",)
@@ -69,7 +73,7 @@ class Explicit(Viscosity, name="explicit"):
         stress = None if self.wall_function.resolved else self.wall_function.function()
         return PairSum(
             (_term(model.terms(), stress),), ("acceleration",), model.weight, model.radius(lattice),
-            arguments=(model.scale(lattice),), fields=(("viscosity", viscosity),),
+            arguments=(model.scale(lattice), NEAREST * lattice.spacing), fields=(("viscosity", viscosity),),
         )  # fmt: skip
 
     def largest(self, particles: Particles, material: float) -> float:
@@ -81,6 +85,13 @@ class Explicit(Viscosity, name="explicit"):
         return lattice.spacing**2 / (4 * lattice.dimension * viscosity) if viscosity > 0 else inf
 
 
+@kernels.func
+def softened(r, nearest):  # type: ignore[no-untyped-def]
+    """Return (r/nearest)^4, 1 where that is more."""
+    q = min(r.dot(r) / (nearest * nearest), 1.0)
+    return q * q
+
+
 @kernels.cached
 def _term(terms: Terms, stress: Callable[..., Any] | None) -> PairTerm:
     """Return the pair term of a Laplacian model; the same object each time, so that it compiles once."""
@@ -88,8 +99,9 @@ def _term(terms: Terms, stress: Callable[..., Any] | None) -> PairTerm:
     fields = ("slip_velocity", "viscosity", "density", "kind", "acceleration", *terms.reads)
 
     @pair_term(reads=fields, shape=("d",), finish=_added)
-    def diffusion(a, b, r, w, scale):  # type: ignore[no-untyped-def]
-        return shared_viscosity(a, b) * coefficient(a, b, r, w) * (b.slip_velocity - a.slip_velocity)
+    def diffusion(a, b, r, w, scale, nearest):  # type: ignore[no-untyped-def]
+        mu = shared_viscosity(a, b) * softened(r, nearest)
+        return mu * coefficient(a, b, r, w) * (b.slip_velocity - a.slip_velocity)
 
     if stress is None:
         return diffusion
@@ -97,8 +109,8 @@ def _term(terms: Terms, stress: Callable[..., Any] | None) -> PairTerm:
     @pair_term(
         reads=(*fields, "kinematic_viscosity", "to_surface", "wall_velocity", "slip"), shape=("d",), finish=_added
     )
-    def diffusion_with_wall_stress(a, b, r, w, scale):  # type: ignore[no-untyped-def]
-        flux = shared_viscosity(a, b) * (b.slip_velocity - a.slip_velocity)
+    def diffusion_with_wall_stress(a, b, r, w, scale, nearest):  # type: ignore[no-untyped-def]
+        flux = shared_viscosity(a, b) * softened(r, nearest) * (b.slip_velocity - a.slip_velocity)
         if b.kind != FLUID:
             flux = a.slip_velocity * 0.0
             depth = b.to_surface.norm()
