@@ -3,7 +3,8 @@
     python docs/generate_gallery.py           write the page
     python docs/generate_gallery.py --check   fail if it is not what would be written
 
-Needs nothing but the clone. The figures stay where they are: docs/hooks.py shows them to the site.
+Needs nothing but the clone. The figures stay where they are, and the page shows them from there when it is read in the
+repository; docs/hooks.py shows them to the site.
 """
 
 import json
@@ -56,7 +57,7 @@ def section(folder: Path) -> list[str]:
     parts = [f"## {title} {{ #{folder.name} }}", body]
     for figure in sorted(folder.glob("figure*.png")):
         alt = re.search(rf"!\[(.*?)\]\({re.escape(figure.name)}\)", text)
-        parts.append(f"![{alt[1] if alt else title}](validation/{folder.name}/{figure.name}){{ loading=lazy }}")
+        parts.append(f"![{alt[1] if alt else title}](../validation/{folder.name}/{figure.name}){{ loading=lazy }}")
     for record in found:
         parts.append(f"**{record['title']}** – {record['date']}, {record['machine']}")
         parts += [table(record)] if record["bars"] else []

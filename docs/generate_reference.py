@@ -43,7 +43,7 @@ read.
 
 - **Units** are SI. The unit 1 is a plain number. Angles are in degrees where the key ends in `_deg`.
 - **name or table**: a model is chosen by its name, `gradient = "corrected"`, or by a table with its parameters,
-  `gradient = { name = "corrected", largest_condition = 100.0 }`. Shapes, motions, gauges, bodies, initial fields and
+  `gradient = { name = "completed", largest_condition = 100.0 }`. Shapes, motions, gauges, bodies, initial fields and
   gravity say `kind` where models say `name`.
 - A default of – means that the key may be left out; its meaning says what happens then.
 - Numbers must be finite, and 0 or between 1e-100 and 1e18 in size. Unknown keys are refused."""

@@ -1,4 +1,8 @@
-"""What the site shows besides the folder docs: the figures of validation/, under the same path."""
+"""What the site shows besides the folder docs: the figures of validation/.
+
+A page names them as they lie in the repository, ``../validation/<case>/figure.png``. There is nothing above the
+site, so there they are beside its pages.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -13,3 +17,8 @@ def on_files(files: Files, config: Any) -> Files:
     for figure in sorted((ROOT / "validation").glob("*/figure*.png")):
         files.append(File.generated(config, figure.relative_to(ROOT).as_posix(), abs_src_path=str(figure)))
     return files
+
+
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """Name the figures of validation/ where the site has them."""
+    return markdown.replace("](../validation/", "](validation/")

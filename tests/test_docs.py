@@ -34,3 +34,15 @@ def test_every_scheme_has_its_system_marked():
 def test_base_fields_are_in_the_notation():
     text = (DOCS / "notation.md").read_text("utf-8")
     assert [field.name for field in BASE_FIELDS if f"`{field.name}`" not in text] == []
+
+
+@pytest.mark.skipif(not (DOCS.parent / "validation").exists(), reason="no validation folder beside the tests")
+def test_pictures_are_where_the_pages_look_for_them():
+    shown = [(page, path) for page in sorted(DOCS.rglob("*.md")) for path in pictures(page)]
+    assert len(shown) > 20
+    assert [f"{page.name}: {path}" for page, path in shown if not (page.parent / path).exists()] == []
+
+
+def pictures(page: Path) -> list[str]:
+    """Return the paths of the pictures of a page, relative to it."""
+    return re.findall(r"!\[[^\]]*\]\(([^)\s:]+)\)", page.read_text("utf-8"))
