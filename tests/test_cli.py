@@ -215,6 +215,13 @@ def test_exit_codes_of_a_run(call, monkeypatch, outcome, code, words):
     assert words in result.output
 
 
+def test_a_folder_that_was_there_stays_where_a_run_is_refused(call, tmp_path):
+    (tmp_path / "mine").mkdir()
+    assert call("run", "dam-break", "--out", "mine", "--set", "spacing=3.0").exit_code == 2
+    assert call("run", "dam-break", "--out", "new", "--set", "spacing=3.0").exit_code == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
+
+
 def test_an_existing_run_is_not_touched(call, tmp_path, monkeypatch):
     monkeypatch.setattr(spume.run, "run", lambda case, folder, **_: spume.run.Run(case, Ended(), folder, "finished"))
     (tmp_path / "dam-break").mkdir()

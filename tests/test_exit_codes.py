@@ -92,7 +92,7 @@ def test_2_input_to_correct(ended, tmp_path, setting, message):
     code, _, err = ended(setting)
     assert (code, "Traceback" in err) == (2, False)
     assert err.startswith(f"error: {message}")
-    assert not (tmp_path / "out" / "log.csv").exists()
+    assert not (tmp_path / "out").exists()  # scripts ask by it whether there is something to continue
 
 
 def test_2_a_device_that_this_machine_lacks(ended, tmp_path):
@@ -100,7 +100,7 @@ def test_2_a_device_that_this_machine_lacks(ended, tmp_path):
     code, _, err = ended(device=lacking)
     assert (code, "Traceback" in err) == (2, False)
     assert err.startswith(f"error: device = '{lacking}': not available on this machine")
-    assert not (tmp_path / "out" / "log.csv").exists()
+    assert not (tmp_path / "out").exists()
 
 
 def test_2_cuda_without_a_card(ended):

@@ -17,7 +17,7 @@ from spume.outputs import OutputSettings, checkpoint, summary, vtkhdf
 from spume.outputs.disk import NotWritten
 from spume.outputs.gauges import Elevation, Volume
 from spume.progress import Progress, seconds_of
-from spume.run import _Limit, run
+from spume.run import CHANGEABLE, _Limit, run
 from spume.schemes.laplacian.distance import Distance
 from spume.schemes.turbulence.smagorinsky import Smagorinsky
 from spume.schemes.viscosity.explicit import Explicit
@@ -210,7 +210,7 @@ def test_a_run_that_is_killed_goes_on(whole, tmp_path):
         "from test_resume import case_of\n"
         "import spume\n"
         "from spume.progress import Progress, seconds_of\n"
-        "from spume.run import _Limit, run\n"
+        "from spume.run import CHANGEABLE, _Limit, run\n"
         "plain = Progress.step\n"
         "def step(self, simulation):\n"
         "    plain(self, simulation)\n"
@@ -303,6 +303,17 @@ def test_what_cannot_be_continued_says_so(copy, whole, tmp_path):
     refused(
         copy, "no checkpoint.h5: the run ended before its first one, or wrote none; start the case again: spume run"
     )
+
+
+def test_what_may_be_changed_are_keys_of_a_case(copy):
+    case = spume.load(copy)
+    for key in CHANGEABLE:
+        table, _, name = key.rpartition(".")
+        assert name in type(getattr(case, table) if table else case).model_fields, key
+
+
+def test_a_continued_run_may_be_looked_at_from_elsewhere(copy):
+    assert spume.resume(copy, ["output.view_deg=[-30.0, 20.0]"]).status == "finished"
 
 
 def test_damaged_checkpoints_say_so(copy):

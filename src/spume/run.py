@@ -35,7 +35,7 @@ FINISHED, INTERRUPTED, FAILED = "finished", "interrupted", "failed"
 
 CHANGEABLE = (
     "time.end", "time.courant", "time.travel", "time.step_max", "output.checkpoint_interval",
-    "output.pictures", "output.animation", "output.colour", "output.colour_range", "output.map", "output.view",
+    "output.pictures", "output.animation", "output.colour", "output.colour_range", "output.map", "output.view_deg",
     "device", "threads", "title",
 )  # fmt: skip
 """Keys that a run may change when it is continued: none of them says what is simulated or what a file holds."""
@@ -98,7 +98,8 @@ def make_folder(folder: Path) -> None:
     """Make a run folder; an empty one may exist.
 
     Raises:
-        FolderExistsError: it exists and holds something; the message gives the remedy.
+        FolderExistsError: it exists and holds something, or a file is where a folder above it would be; the message
+            gives the remedy.
     """
     if folder.is_dir() and not any(folder.iterdir()):
         return
@@ -107,7 +108,26 @@ def make_folder(folder: Path) -> None:
         raise FolderExistsError(
             f"{folder} exists already; nothing is overwritten: choose another folder (--out {free}) or remove it"
         )
+    above = next((parent for parent in folder.parents if parent.exists()), folder.parent)
+    if not above.is_dir():
+        raise FolderExistsError(f"{folder} cannot be made: {above} is a file, not a folder; choose another (--out)")
     folder.mkdir(parents=True)
+
+
+@contextmanager
+def claimed(folder: Path) -> Iterator[None]:
+    """Make a run folder at once, and take it away again where the run is refused before it has written anything.
+
+    Raises:
+        FolderExistsError: see `make_folder`.
+    """
+    there = folder.exists()
+    make_folder(folder)
+    try:
+        yield
+    finally:
+        if not there and not any(folder.iterdir()):
+            folder.rmdir()
 
 
 def run(

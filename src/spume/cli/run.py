@@ -87,13 +87,13 @@ def run(
     if case is None:
         raise typer.BadParameter("Missing argument 'CASE' (or --resume DIR).")
     loaded = load_case(case, replaced, device, threads, precision)
-    from spume.run import make_folder, run_folder
+    from spume.run import claimed, run_folder
     from spume.run import run as run_case
 
     folder = run_folder(loaded.origin.label) if out is None else out
-    make_folder(folder)  # before anything long: what is there must not be overwritten
-    console.print(f"{loaded.title or loaded.origin.label}: results in {folder}", highlight=False)
-    _report(lambda: run_case(loaded, folder, console=console, max_wall_time=limit), folder)
+    with claimed(folder):  # before anything long: what is there must not be overwritten
+        console.print(f"{loaded.title or loaded.origin.label}: results in {folder}", highlight=False)
+        _report(lambda: run_case(loaded, folder, console=console, max_wall_time=limit), folder)
 
 
 def _refuse(given: dict[str, Any]) -> None:
