@@ -3,7 +3,6 @@
 import tomllib
 
 import pytest
-from pydantic import ValidationError
 
 import spume
 from spume.case import CaseError, built_in_cases, load, schema
@@ -282,9 +281,18 @@ def test_a_missing_file_names_the_nearest_case(tmp_path, monkeypatch):
         load(tmp_path / "nothing.toml")
 
 
-def test_mistakes_in_python_are_validation_errors():
-    with pytest.raises(ValidationError, match="spacing"):
+def test_mistakes_in_python_are_said_as_those_of_a_file_are():
+    with pytest.raises(CaseError, match=r"^Case: spacing = -1\.0: must be greater than 0$"):
         spume.Case(spacing=-1.0, time=spume.Time(end=1.0), fluid=())
+    with pytest.raises(CaseError) as caught:
+        spume.Case(spcing=1.0, time={"end": "soon"})
+    assert [problem.key for problem in caught.value.problems] == ["spcing", "time.end", "fluid"]
+    assert "did you mean 'spacing'?" in str(caught.value)
+    with pytest.raises(CaseError, match=r"^Box: uper = \[1, 1\]: no such key; allowed: lower, upper"):
+        spume.Box(lower=[0, 0], uper=[1, 1])
+    shape = {"kind": "box", "lower": [0, 0], "uper": [1, 1]}
+    with pytest.raises(CaseError, match=r"^Case: fluid\.a\.shape\.uper = \[1, 1\]: no such key"):
+        spume.Case(spacing=0.1, time=spume.Time(end=1.0), fluid=[{"name": "a", "shape": shape}])
 
 
 def test_every_key_is_documented_with_its_unit():

@@ -63,6 +63,22 @@ class Parameters(BaseModel):
         defer_build=True,
     )
 
+    def __init__(self, /, **data: Any) -> None:
+        """Take the parameters as keyword arguments.
+
+        Raises:
+            CaseError: every mistake that was found, with the class in place of a file.
+        """
+        try:
+            super().__init__(**data)
+        except ValidationError as error:
+            from spume.problems import CaseError, Origin
+
+            raise CaseError(Origin(type(self).__name__, data).problems(error)) from None
+
+    # Says that validating a table need not go through the constructor: nested mistakes keep their places.
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
+
     @model_validator(mode="before")
     @classmethod
     def _read_table(cls, value: Any, info: ValidationInfo) -> Any:

@@ -126,7 +126,7 @@ def claimed(folder: Path) -> Iterator[None]:
     try:
         yield
     finally:
-        if not there and not any(folder.iterdir()):
+        if not there and folder.is_dir() and not any(folder.iterdir()):
             folder.rmdir()
 
 

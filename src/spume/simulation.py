@@ -233,7 +233,7 @@ class Simulation:
 
         Raises:
             KeyError: no such field.
-            ValidationError: a setting that is not allowed.
+            CaseError: a setting that is not allowed.
         """
         from spume.outputs.pictures import frame_of, plot
 

@@ -8,12 +8,12 @@ import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pydantic import ValidationError
 
 import spume
 from spume import build
 from spume.geometry import Box, Grid, Sphere, Stl, fill, wall_layers
 from spume.named import CASES
+from spume.problems import CaseError
 
 BOUNDS = [[0.2, 0.3, 0.0], [0.6, 0.5, 0.4]]
 BOX = Box(lower=tuple(BOUNDS[0]), upper=tuple(BOUNDS[1]))
@@ -115,7 +115,7 @@ def test_bodies_that_overlap_in_a_file_are_one(folder):
     ],
 )
 def test_files_that_are_no_solid_are_refused(folder, name, words):
-    with pytest.raises(ValidationError, match=words):
+    with pytest.raises(CaseError, match=words):
         Stl(file=folder / name)
 
 

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from outputs.fake_run import make_run
 from spume.outputs.reference import Compare, Reference, compare, first_crossing, table
+from spume.problems import CaseError
 from spume.tables import read_columns
 
 
@@ -122,13 +122,13 @@ def test_wrong_columns_are_named(folder, options, message):
 
 
 def test_wrong_keys_are_refused(folder):
-    with pytest.raises(ValidationError, match="give both columns"):
+    with pytest.raises(CaseError, match="give both columns"):
         reference(folder, lower="low")
-    with pytest.raises(ValidationError, match="from a smaller to a larger time"):
+    with pytest.raises(CaseError, match="from a smaller to a larger time"):
         reference(folder, window=(2.0, 1.0))
     with pytest.raises(ValueError, match="gauge = 'p': one of 'q'"):
         Compare([reference(folder)], ["q"])
-    with pytest.raises(ValidationError, match="no such file"):
+    with pytest.raises(CaseError, match="no such file"):
         reference(folder, "nothing.csv")
 
 
