@@ -137,6 +137,19 @@ def test_schemes(call):
     assert "did you mean" in wrong.output
 
 
+@pytest.mark.parametrize("columns", [None, "60"])
+def test_tables_are_cut_off_nowhere(call, monkeypatch, columns):
+    """In a pipe, which has no width, and where a narrow one is asked for."""
+    if columns is None:
+        monkeypatch.delenv("COLUMNS")
+    else:
+        monkeypatch.setenv("COLUMNS", columns)
+    lines = call("schemes").output.splitlines()
+    assert not [line for line in lines if "…" in line]
+    if columns is None:
+        assert any("dummy-neighbour" in line and line.count("gradient") for line in lines)
+
+
 def test_schema(call):
     found = json.loads(call("schema").output)
     assert "spacing" in found["required"]

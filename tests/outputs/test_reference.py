@@ -1,5 +1,9 @@
+import io
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from rich.console import Console
 
 from outputs.fake_run import make_run
 from spume.outputs.reference import Compare, Reference, compare, first_crossing, table
@@ -107,6 +111,9 @@ def test_the_table_and_the_summary_hold_the_numbers(folder, capsys):
         assert text in printed
     assert output.results[0].to_json()["rms"] == pytest.approx(output.results[0].rms)
     assert table(output.results).row_count == 1
+    narrow = Console(width=50, file=io.StringIO())
+    narrow.print(table([replace(output.results[0], reference_peak=1.776, peak_band=(1.77, 2.03))]))
+    assert narrow.file.getvalue().count("…") == 1, "the band's own; nothing is cut off"
 
 
 @pytest.mark.parametrize(
