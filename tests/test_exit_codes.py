@@ -81,6 +81,17 @@ def test_0_done(ended, tmp_path):
     assert summary(tmp_path)["status"] == "finished"
 
 
+def test_0_done_by_fluid_that_fell_out(ended, tmp_path):
+    """It is warned of when the run begins, and counted at its end."""
+    code, out, err = ended(
+        "fluid.water.shape.lower=[1.0, 0.0]", "fluid.water.shape.upper=[1.1, 0.1]", "time.end=0.2",
+        "domain.lower=[-1.0, -0.1]", "domain.upper=[2.0, 1.0]",
+    )  # fmt: skip
+    assert code == 0, err
+    assert "fluid.water.shape: no body lies below fluid 'water' along gravity: it will fall" in " ".join(err.split())
+    assert f"; {summary(tmp_path)['counts']['removed']} particles left the region and were removed" in out
+
+
 @pytest.mark.parametrize(
     ("setting", "message"),
     [

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from spume import advice
 from spume.case import AXES, Case, CaseError
 from spume.geometry import Grid, Shape, fill
 from spume.geometry.checks import unresolved, volume_of
@@ -470,13 +471,6 @@ def check_gauges(case: Case, rows: Rows) -> None:
         raise CaseError(problems)
 
 
-def warn_of_models(case: Case) -> None:
-    """Tell which models of the step do not fit each other, though they can be computed together."""
-    caution = case.step.caution()
-    if caution:
-        log.warning("%s: %s", case.origin.name(("step",)) or "step", caution)
-
-
 def build(
     case: Case, device: str | None = None, threads: int | None = None, precision: str | None = None
 ) -> Simulation:
@@ -499,7 +493,7 @@ def build(
     rows = initial_rows(case)
     check_gauges(case, rows)
     check_size(case, len(rows["kind"]))
-    warn_of_models(case)
+    advice.warn(case, initial_snapshot(case, rows))
     threads = threads or case.threads or kernels.worthwhile_threads(len(rows["kind"]))
     kernels.initialize(device or case.device, threads, precision or case.precision)
     return _simulation(case, rows)

@@ -29,7 +29,7 @@ def check(
     """
     console = new_console()
     loaded = load_case(case, replaced, None, threads, None)
-    from spume import build, kernels
+    from spume import advice, build, kernels
     from spume.outputs.pictures import draw_frames, frame_of
     from spume.prediction import device_of, predict
     from spume.progress import duration
@@ -37,7 +37,7 @@ def check(
     rows = build.initial_rows(loaded)
     build.check_gauges(loaded, rows)
     build.check_size(loaded, len(rows["kind"]))
-    build.warn_of_models(loaded)
+    advice.warn(loaded, build.initial_snapshot(loaded, rows))
     cores = kernels.possible_threads(loaded.threads or kernels.worthwhile_threads(len(rows["kind"])))
     predicted = predict(loaded, rows, cores)
     table = folding_table("", "", title=loaded.title or loaded.origin.label, show_header=False, title_justify="left")

@@ -96,6 +96,16 @@ def run(
         _report(lambda: run_case(loaded, folder, console=console, max_wall_time=limit), folder)
 
 
+def _removed(folder: Path) -> str:
+    """Return how many particles left the region in the whole run, as words behind others; nothing where none did."""
+    from spume.outputs import summary
+
+    if not (folder / summary.FILE).is_file():
+        return ""
+    removed = int(summary.read(folder)["counts"].get("removed", 0))
+    return f"; {removed:,} particles left the region and were removed" if removed else ""
+
+
 def _refuse(given: dict[str, Any]) -> None:
     for name, value in given.items():
         if value is not None:
@@ -128,4 +138,4 @@ def _report(compute: Any, folder: Path) -> None:
         why = f" ({result.reason})" if result.reason else ""
         console.print(f"Interrupted after {words}{why}; {goes_on}", highlight=False, soft_wrap=True)
         raise typer.Exit(STOPPED)
-    console.print(f"Done: {words}", highlight=False)
+    console.print(f"Done: {words}{_removed(result.folder)}", highlight=False)
