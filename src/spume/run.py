@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import os
 import signal
 import threading
@@ -210,6 +211,7 @@ def resume(
                 f"this run is finished, at t = {saved.time:g} s; to go on: spume run --resume {folder} "
                 f"--set time.end={2.0 * saved.time:g}",
             )
+    _warn_of_failure(folder, case, saved)
     simulation = build(case, device or saved.device, threads or _same_threads(saved), saved.precision)
     try:
         simulation.restore(saved.arrays, saved.numbers)
@@ -293,6 +295,32 @@ def _warn_of_differences(this: Run, saved: Saved) -> None:
     ):
         if was != now:
             log.warning("%s was %s, is %s: the run goes on, but not bit by bit as it would have", name, was, now)
+
+
+REMEDIES = ("time.courant", "time.travel", "time.step_max")
+"""Of what a continued run may change, what changes the steps that it makes."""
+
+
+def _warn_of_failure(folder: Path, case: Case, saved: Saved) -> None:
+    """Warn where a run that failed is continued as it was: the same steps give the same failure."""
+    from spume.outputs import summary
+
+    try:
+        before = summary.read(folder)
+    except (OSError, ValueError):
+        return
+    was, now = (dict(flattened(tomllib.loads(text))) for text in (saved.case, case.to_toml()))
+    if before.get("status") == FAILED and all(was.get(key) == now.get(key) for key in REMEDIES):
+        log.warning(
+            "%s: this run failed at t = %.6g s (%s); it will fail again unless %s or %s change, as with: "
+            "--set time.courant=%g",
+            folder,
+            before.get("simulated_time") or math.nan,
+            before.get("reason"),
+            ", ".join(REMEDIES[:-1]),
+            REMEDIES[-1],
+            0.5 * case.time.courant,
+        )
 
 
 def _check_changes(case: Case, saved: Saved, folder: Path) -> None:
