@@ -1,5 +1,6 @@
 """Runs that are interrupted, killed or starved of disk, and continued: the same bits as without."""
 
+import json
 import logging
 import os
 import shutil
@@ -241,7 +242,8 @@ def test_a_full_disk_stops_the_run_and_spares_the_checkpoint(whole, monkeypatch,
             run(case_of(), folder)
     said = summary.read(folder)
     assert said["status"] == "interrupted"
-    assert "bytes are needed, 100,000 are free" in said["reason"]
+    reserve = "bytes and a reserve of 262,144 for the last lines of tables"
+    assert f"{reserve} are needed, 100,000 are free" in said["reason"]
     assert checkpoint.read(folder).step <= 6
     assert not list(folder.glob("*.partial"))
     spume.resume(folder)
@@ -341,6 +343,20 @@ def test_another_version_or_fewer_threads_are_warned_of(copy, caplog):
     log.removeHandler(caplog.handler)
     assert "version of Spume was 0.0.9, is " in caplog.text
     assert "threads was 2, is 1: the run goes on, but not bit by bit" in caplog.text
+
+
+def test_a_run_that_failed_is_continued_with_a_warning(copy, caplog):
+    path = copy / summary.FILE
+    said = summary.read(copy) | {"status": "failed", "reason": "too fast", "simulated_time": 0.25}
+    path.write_text(json.dumps(said), encoding="utf-8")
+    log = logging.getLogger("spume")
+    log.addHandler(caplog.handler)
+    again = shutil.copytree(copy, copy.with_name("again"))
+    spume.resume(again, ["time.courant=0.1"])
+    assert "this run failed" not in caplog.text
+    spume.resume(copy)
+    log.removeHandler(caplog.handler)
+    assert "this run failed at t = 0.25 s (too fast); it will fail again unless time.courant, " in caplog.text
 
 
 def test_a_finished_run_is_extended(whole, tmp_path):
