@@ -175,6 +175,7 @@ def test_version(call):
         (("run", "--resume", "nothing"), "no such run folder"),
         (("run", "dam-break", "--resume", "nothing"), "CASE does not go with --resume"),
         (("run", "--resume", "nothing", "--out", "a"), "--out does not go with --resume"),
+        (("atlas", "--only", "nope", "--list"), "'nope' is part of no name: default, "),
         (("fly",), "No such command"),
         (("check", "dam-break", "--wrong"), "No such option"),
     ],
