@@ -118,7 +118,9 @@ def test_2_cuda_without_a_card(ended):
     """Where there is one, the same command computes."""
     code, out, err = ended(device="cuda")
     if code == 2:
-        assert err.startswith("error: device = 'cuda': not available on this machine")
+        assert err.startswith("error: device = 'cuda': not available on this machine: it needs an NVIDIA card and its ")
+        assert "nvidia-smi must list it" in err
+        assert "Arch" not in err
     else:
         assert (code, "Done: " in out) == (0, True), err
 

@@ -85,8 +85,8 @@ class Simulation:
         """
         if self.done:
             raise RuntimeError(
-                f"no step is left: the end, t = {self.clock.end:g} s, is reached (simulation.done); for more, build the "
-                "case with a later time.end"
+                f"no step is left: the end, t = {self.clock.end:g} s, is reached (simulation.done); for more, build "
+                "the case with a later time.end"
             )
         domain, clock = self.domain, self.clock
         particles = domain.particles
