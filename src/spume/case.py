@@ -394,6 +394,11 @@ def find_case(source: str | os.PathLike[str]) -> tuple[Path, str]:
     if path.is_file():
         name = path.parent.name if path.name == "case.toml" else path.stem
         return path, name or "case"
+    if path.is_dir():
+        inside = ", ".join(file.name for file in sorted(path.glob("*.toml"))[:3])
+        message = "is a folder, without a case.toml: name the case file in it"
+        message += f", such as {inside}" if inside else ""
+        raise CaseError([Problem("", f"case {str(source)!r}", "", message)])
     names = ", ".join(known)
     message = f"no such file and no built-in case; built-in: {names}{nearest_match(str(source), known)}"
     raise CaseError([Problem("", f"case {str(source)!r}", "", message)])

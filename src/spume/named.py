@@ -98,7 +98,7 @@ class Parameters(BaseModel):
         meant = {str(error["loc"][0]) for error in errors}
         for key in value:
             if key not in keys:
-                near = nearest_match(str(key), keys)
+                near = cls._table_of(str(key)) or nearest_match(str(key), keys)
                 meant.update(k for k in keys if near.endswith(f"{k!r}?"))
                 message = f"no such key; allowed: {', '.join(keys) or '(none)'}{near}"
                 error = PydanticCustomError("unknown_key", "{message}", {"message": message})
@@ -113,6 +113,15 @@ class Parameters(BaseModel):
                 error = PydanticCustomError(item["type"], "{message}", context)
                 errors.append(InitErrorDetails(type=error, loc=item["loc"], input=item["input"]))
         raise ValidationError.from_exception_data(cls.__name__, errors)
+
+    @classmethod
+    def _table_of(cls, key: str) -> str:
+        """Return ``"; did you mean 'table.key'?"`` where a table inside has a key of that name, or an empty text."""
+        for name, field in cls.model_fields.items():
+            inside = field.annotation
+            if inspect.isclass(inside) and issubclass(inside, Parameters) and key in inside.model_fields:
+                return f"; did you mean {f'{name}.{key}'!r}?"
+        return ""
 
     @classmethod
     def _completed(cls, key: str, item: Any) -> Any:
