@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spume import advice
-from spume.case import AXES, Case, CaseError
+from spume.case import AXES, Case, CaseError, extents
 from spume.geometry import Grid, Shape, fill
-from spume.geometry.checks import unresolved, volume_of
+from spume.geometry.checks import unlikely_sizes, unresolved, volume_of
 from spume.geometry.grid import TooManyCellsError
 from spume.geometry.layers import masters
 from spume.geometry.thickness import other_face
@@ -79,6 +79,8 @@ def initial_rows(case: Case) -> Rows:
             spacing cannot resolve, more particles than memory holds.
     """
     grid = grid_of(case)
+    for loc, sentence in unlikely_sizes(*extents(case)) if case.dimension == 3 else ():  # before anything is filled
+        log.warning("%s: %s", case.origin.name(loc), sentence)
     expected = sum(fluid.shape.measure() for fluid in case.fluid) / case.spacing**case.dimension
     expected += sum(body.expected_rows(case.spacing, case.dimension) for body in case.body)
     _check_memory(case, expected)  # before anything is filled

@@ -365,11 +365,16 @@ def _dimensions(item: Parameters, loc: Location, d: int) -> Iterator[tuple[Locat
 
 def _sizes(case: Case) -> Iterator[tuple[Location, str, Any]]:
     """Yield drawings whose unit does not suit the rest of the case."""
+    if case.dimension == 3:
+        yield from mistaken_units(*extents(case), case.spacing)
+
+
+def extents(case: Case) -> tuple[list[tuple[Location, Shape]], list[tuple[float, ...]]]:
+    """Return the case's shapes with their places, and the corners [m] of its domain, if it has some."""
     items = [(key, index, item) for key in ("fluid", "body") for index, item in enumerate(getattr(case, key))]
     shapes = [((key, index, "shape"), item.shape) for key, index, item in items if hasattr(item, "shape")]
     corners = [corner for corner in (case.domain.lower, case.domain.upper) if corner is not None]
-    if case.dimension == 3:
-        yield from mistaken_units(shapes, corners, case.spacing)
+    return shapes, corners
 
 
 # ------------------------------------------------------------------------------------- case files

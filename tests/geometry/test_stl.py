@@ -133,6 +133,23 @@ def test_millimetres_are_named(folder):
     assert drawn_case(folder, "millimetres.stl", scale=0.001).body[1].shape.measure() == pytest.approx(0.032)
 
 
+def test_a_drawing_in_centimetres_is_warned_of_before_its_walls_are_made(folder, caplog, monkeypatch):
+    class WallsAreMadeError(Exception):
+        pass
+
+    def made(*_):
+        raise WallsAreMadeError
+
+    monkeypatch.setattr(build, "_body_rows", made)
+    size = np.ptp(drawn_case(folder, "millimetres.stl", scale=0.001).body[1].shape.bounds(), axis=0).max()
+    for ratio, warned in ((12.0, True), (8.0, False)):
+        caplog.clear()
+        with pytest.raises(WallsAreMadeError):
+            build.initial_rows(drawn_case(folder, "millimetres.stl", scale=0.001 * ratio * 1.6 / size))
+        assert ("house.shape.scale: the drawing is 19.2 m long, the rest of the case 1.6 m" in caplog.text) == warned
+        assert ("is it in centimetres or millimetres? Then scale =" in caplog.text) == warned
+
+
 def test_thin_parts_are_named(folder, caplog):
     with pytest.raises(spume.CaseError, match=r"0\.012 m thick at"):  # the waters beside it would see each other
         build.initial_rows(drawn_case(folder, "thin.stl"))
