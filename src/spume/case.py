@@ -372,6 +372,7 @@ def _sizes(case: Case) -> Iterator[tuple[Location, str, Any]]:
 def extents(case: Case) -> tuple[list[tuple[Location, Shape]], list[tuple[float, ...]]]:
     """Return the case's shapes with their places, and the corners [m] of its domain, if it has some."""
     items = [(key, index, item) for key in ("fluid", "body") for index, item in enumerate(getattr(case, key))]
+    shapes: list[tuple[Location, Shape]]
     shapes = [((key, index, "shape"), item.shape) for key, index, item in items if hasattr(item, "shape")]
     corners = [corner for corner in (case.domain.lower, case.domain.upper) if corner is not None]
     return shapes, corners
