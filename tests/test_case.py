@@ -3,7 +3,6 @@
 import tomllib
 
 import pytest
-from pydantic import ValidationError
 
 import spume
 from spume.case import CaseError, built_in_cases, load, schema
@@ -282,9 +281,42 @@ def test_a_missing_file_names_the_nearest_case(tmp_path, monkeypatch):
         load(tmp_path / "nothing.toml")
 
 
-def test_mistakes_in_python_are_validation_errors():
-    with pytest.raises(ValidationError, match="spacing"):
+def test_what_a_beginner_writes_is_answered_with_what_is_meant(tmp_path):
+    path = tmp_path / "a.toml"
+    path.write_text(
+        "spacing = 0.1\ngravity = [0.0, -1.0]\nend = 3\n[time]\nend = 1.0\n[domain]\ngravity = -9.81\n"
+        '[fluid]\nname = "w"\nshape = {kind = "box", lower = [0.0, 0.0], upper = [1.0, 1.0]}\n'
+    )
+    with pytest.raises(CaseError) as caught:
+        load(path)
+    lines = str(caught.value).replace(str(path), "a.toml").splitlines()
+    assert [line.partition(" ")[0] for line in lines] == ["a.toml:2:", "a.toml:3:", "a.toml:7:", "a.toml:8:"]
+    assert lines[0].endswith("did you mean 'domain.gravity'?")
+    assert lines[1].endswith("did you mean 'time.end'?")
+    assert "domain.gravity = -9.81: must be a vector such as [0.0, -9.81] in 2D or" in lines[2]
+    assert "fluid: write [[fluid]]" in lines[3]
+
+
+def test_a_folder_that_holds_no_case_says_so(tmp_path):
+    with pytest.raises(CaseError, match=r"is a folder, without a case\.toml: name the case file in it$"):
+        load(tmp_path)
+    (tmp_path / "tank.toml").write_text("")
+    with pytest.raises(CaseError, match=r"name the case file in it, such as tank\.toml$"):
+        load(tmp_path)
+
+
+def test_mistakes_in_python_are_said_as_those_of_a_file_are():
+    with pytest.raises(CaseError, match=r"^Case: spacing = -1\.0: must be greater than 0$"):
         spume.Case(spacing=-1.0, time=spume.Time(end=1.0), fluid=())
+    with pytest.raises(CaseError) as caught:
+        spume.Case(spcing=1.0, time={"end": "soon"})
+    assert [problem.key for problem in caught.value.problems] == ["spcing", "time.end", "fluid"]
+    assert "did you mean 'spacing'?" in str(caught.value)
+    with pytest.raises(CaseError, match=r"^Box: uper = \[1, 1\]: no such key; allowed: lower, upper"):
+        spume.Box(lower=[0, 0], uper=[1, 1])
+    shape = {"kind": "box", "lower": [0, 0], "uper": [1, 1]}
+    with pytest.raises(CaseError, match=r"^Case: fluid\.a\.shape\.uper = \[1, 1\]: no such key"):
+        spume.Case(spacing=0.1, time=spume.Time(end=1.0), fluid=[{"name": "a", "shape": shape}])
 
 
 def test_every_key_is_documented_with_its_unit():

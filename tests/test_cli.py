@@ -137,6 +137,19 @@ def test_schemes(call):
     assert "did you mean" in wrong.output
 
 
+@pytest.mark.parametrize("columns", [None, "60"])
+def test_tables_are_cut_off_nowhere(call, monkeypatch, columns):
+    """In a pipe, which has no width, and where a narrow one is asked for."""
+    if columns is None:
+        monkeypatch.delenv("COLUMNS")
+    else:
+        monkeypatch.setenv("COLUMNS", columns)
+    lines = call("schemes").output.splitlines()
+    assert not [line for line in lines if "…" in line]
+    if columns is None:
+        assert any("dummy-neighbour" in line and line.count("gradient") for line in lines)
+
+
 def test_schema(call):
     found = json.loads(call("schema").output)
     assert "spacing" in found["required"]
@@ -162,6 +175,7 @@ def test_version(call):
         (("run", "--resume", "nothing"), "no such run folder"),
         (("run", "dam-break", "--resume", "nothing"), "CASE does not go with --resume"),
         (("run", "--resume", "nothing", "--out", "a"), "--out does not go with --resume"),
+        (("atlas", "--only", "nope", "--list"), "'nope' is part of no name: default, "),
         (("fly",), "No such command"),
         (("check", "dam-break", "--wrong"), "No such option"),
     ],
@@ -213,6 +227,13 @@ def test_exit_codes_of_a_run(call, monkeypatch, outcome, code, words):
     result = call("run", "dam-break")
     assert result.exit_code == code
     assert words in result.output
+
+
+def test_a_folder_that_was_there_stays_where_a_run_is_refused(call, tmp_path):
+    (tmp_path / "mine").mkdir()
+    assert call("run", "dam-break", "--out", "mine", "--set", "spacing=3.0").exit_code == 2
+    assert call("run", "dam-break", "--out", "new", "--set", "spacing=3.0").exit_code == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
 
 
 def test_an_existing_run_is_not_touched(call, tmp_path, monkeypatch):

@@ -81,6 +81,17 @@ def test_0_done(ended, tmp_path):
     assert summary(tmp_path)["status"] == "finished"
 
 
+def test_0_done_by_fluid_that_fell_out(ended, tmp_path):
+    """It is warned of when the run begins, and counted at its end."""
+    code, out, err = ended(
+        "fluid.water.shape.lower=[1.0, 0.0]", "fluid.water.shape.upper=[1.1, 0.1]", "time.end=0.2",
+        "domain.lower=[-1.0, -0.1]", "domain.upper=[2.0, 1.0]",
+    )  # fmt: skip
+    assert code == 0, err
+    assert "fluid.water.shape: no body lies below fluid 'water' along gravity: it will fall" in " ".join(err.split())
+    assert f"; {summary(tmp_path)['counts']['removed']} particles left the region and were removed" in out
+
+
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
@@ -92,7 +103,7 @@ def test_2_input_to_correct(ended, tmp_path, setting, message):
     code, _, err = ended(setting)
     assert (code, "Traceback" in err) == (2, False)
     assert err.startswith(f"error: {message}")
-    assert not (tmp_path / "out" / "log.csv").exists()
+    assert not (tmp_path / "out").exists()  # scripts ask by it whether there is something to continue
 
 
 def test_2_a_device_that_this_machine_lacks(ended, tmp_path):
@@ -100,14 +111,16 @@ def test_2_a_device_that_this_machine_lacks(ended, tmp_path):
     code, _, err = ended(device=lacking)
     assert (code, "Traceback" in err) == (2, False)
     assert err.startswith(f"error: device = '{lacking}': not available on this machine")
-    assert not (tmp_path / "out" / "log.csv").exists()
+    assert not (tmp_path / "out").exists()
 
 
 def test_2_cuda_without_a_card(ended):
     """Where there is one, the same command computes."""
     code, out, err = ended(device="cuda")
     if code == 2:
-        assert err.startswith("error: device = 'cuda': not available on this machine")
+        assert err.startswith("error: device = 'cuda': not available on this machine: it needs an NVIDIA card and its ")
+        assert "nvidia-smi must list it" in err
+        assert "Arch" not in err
     else:
         assert (code, "Done: " in out) == (0, True), err
 

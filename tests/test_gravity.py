@@ -1,10 +1,10 @@
 """Gravity: constant, by table, central."""
 
 import pytest
-from pydantic import ValidationError
 
 from spume.gravity import Central, Constant, Gravity, Table
 from spume.named import Parameters
+from spume.problems import CaseError
 
 
 class Holder(Parameters):
@@ -48,5 +48,5 @@ def test_a_table_is_linear_between_its_lines(tmp_path):
 def test_bad_tables_are_refused(tmp_path, text, words):
     path = tmp_path / "g.csv"
     path.write_text(text)
-    with pytest.raises(ValidationError, match=words):
+    with pytest.raises(CaseError, match=words):
         Table(file=path)

@@ -65,6 +65,13 @@ def test_a_callback_without_interval_comes_after_each_step_and_can_stop(simulati
         simulation.run(every=-1.0)
 
 
+def test_no_step_follows_the_end(case):
+    simulation = case.build()
+    simulation.run()
+    with pytest.raises(RuntimeError, match=r"no step is left: the end, t = .* s, is reached .*later time\.end"):
+        simulation.advance()
+
+
 def test_a_field_is_an_array_that_stays_as_it_was(simulation):
     simulation.advance()
     before = simulation["velocity"]

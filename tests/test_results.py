@@ -211,6 +211,11 @@ def test_missing_parts_raise_what_names_them(folder):
         run.columns()
 
 
+def test_a_gauge_that_the_run_has_not_is_told_those_it_has(whole):
+    with pytest.raises(RunFolderError, match=r"no gauge 'levle'; the run has .*level.*; did you mean 'level'\?$"):
+        spume.open(whole).columns("levle")
+
+
 @pytest.mark.parametrize(
     ("name", "content"),
     [("summary.json", "{"), ("summary.json", "[1]"), ("case.toml", "a = ["), ("run.vtkhdf", "nothing")],

@@ -1,5 +1,6 @@
 """Runs that are interrupted, killed or starved of disk, and continued: the same bits as without."""
 
+import json
 import logging
 import os
 import shutil
@@ -17,7 +18,7 @@ from spume.outputs import OutputSettings, checkpoint, summary, vtkhdf
 from spume.outputs.disk import NotWritten
 from spume.outputs.gauges import Elevation, Volume
 from spume.progress import Progress, seconds_of
-from spume.run import _Limit, run
+from spume.run import CHANGEABLE, _Limit, run
 from spume.schemes.laplacian.distance import Distance
 from spume.schemes.turbulence.smagorinsky import Smagorinsky
 from spume.schemes.viscosity.explicit import Explicit
@@ -210,7 +211,7 @@ def test_a_run_that_is_killed_goes_on(whole, tmp_path):
         "from test_resume import case_of\n"
         "import spume\n"
         "from spume.progress import Progress, seconds_of\n"
-        "from spume.run import _Limit, run\n"
+        "from spume.run import CHANGEABLE, _Limit, run\n"
         "plain = Progress.step\n"
         "def step(self, simulation):\n"
         "    plain(self, simulation)\n"
@@ -241,7 +242,8 @@ def test_a_full_disk_stops_the_run_and_spares_the_checkpoint(whole, monkeypatch,
             run(case_of(), folder)
     said = summary.read(folder)
     assert said["status"] == "interrupted"
-    assert "bytes are needed, 100,000 are free" in said["reason"]
+    reserve = "bytes and a reserve of 262,144 for the last lines of tables"
+    assert f"{reserve} are needed, 100,000 are free" in said["reason"]
     assert checkpoint.read(folder).step <= 6
     assert not list(folder.glob("*.partial"))
     spume.resume(folder)
@@ -305,6 +307,17 @@ def test_what_cannot_be_continued_says_so(copy, whole, tmp_path):
     )
 
 
+def test_what_may_be_changed_are_keys_of_a_case(copy):
+    case = spume.load(copy)
+    for key in CHANGEABLE:
+        table, _, name = key.rpartition(".")
+        assert name in type(getattr(case, table) if table else case).model_fields, key
+
+
+def test_a_continued_run_may_be_looked_at_from_elsewhere(copy):
+    assert spume.resume(copy, ["output.view_deg=[-30.0, 20.0]"]).status == "finished"
+
+
 def test_damaged_checkpoints_say_so(copy):
     path = copy / checkpoint.FILE
     good = path.read_bytes()
@@ -330,6 +343,20 @@ def test_another_version_or_fewer_threads_are_warned_of(copy, caplog):
     log.removeHandler(caplog.handler)
     assert "version of Spume was 0.0.9, is " in caplog.text
     assert "threads was 2, is 1: the run goes on, but not bit by bit" in caplog.text
+
+
+def test_a_run_that_failed_is_continued_with_a_warning(copy, caplog):
+    path = copy / summary.FILE
+    said = summary.read(copy) | {"status": "failed", "reason": "too fast", "simulated_time": 0.25}
+    path.write_text(json.dumps(said), encoding="utf-8")
+    log = logging.getLogger("spume")
+    log.addHandler(caplog.handler)
+    again = shutil.copytree(copy, copy.with_name("again"))
+    spume.resume(again, ["time.courant=0.1"])
+    assert "this run failed" not in caplog.text
+    spume.resume(copy)
+    log.removeHandler(caplog.handler)
+    assert "this run failed at t = 0.25 s (too fast); it will fail again unless time.courant, " in caplog.text
 
 
 def test_a_finished_run_is_extended(whole, tmp_path):

@@ -124,6 +124,12 @@ def test_nothing_is_overwritten(case, recorder, tmp_path):
         make_folder(tmp_path / "empty" / "case.toml")
 
 
+def test_a_file_where_a_folder_would_be_is_named(tmp_path):
+    (tmp_path / "notes").write_text("precious")
+    with pytest.raises(FolderExistsError, match=r"notes is a file, not a folder; choose another \(--out\)$"):
+        make_folder(tmp_path / "notes" / "a" / "b")
+
+
 def test_folder_names(tmp_path):
     assert run_folder("a", tmp_path) == tmp_path / "a"
     (tmp_path / "a").mkdir()

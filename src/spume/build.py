@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from spume.case import AXES, Case, CaseError
+from spume import advice
+from spume.case import AXES, Case, CaseError, extents
 from spume.geometry import Grid, Shape, fill
-from spume.geometry.checks import unresolved, volume_of
+from spume.geometry.checks import unlikely_sizes, unresolved, volume_of
 from spume.geometry.grid import TooManyCellsError
 from spume.geometry.layers import masters
 from spume.geometry.thickness import other_face
@@ -78,6 +79,8 @@ def initial_rows(case: Case) -> Rows:
             spacing cannot resolve, more particles than memory holds.
     """
     grid = grid_of(case)
+    for loc, sentence in unlikely_sizes(*extents(case)) if case.dimension == 3 else ():  # before anything is filled
+        log.warning("%s: %s", case.origin.name(loc), sentence)
     expected = sum(fluid.shape.measure() for fluid in case.fluid) / case.spacing**case.dimension
     expected += sum(body.expected_rows(case.spacing, case.dimension) for body in case.body)
     _check_memory(case, expected)  # before anything is filled
@@ -470,13 +473,6 @@ def check_gauges(case: Case, rows: Rows) -> None:
         raise CaseError(problems)
 
 
-def warn_of_models(case: Case) -> None:
-    """Tell which models of the step do not fit each other, though they can be computed together."""
-    caution = case.step.caution()
-    if caution:
-        log.warning("%s: %s", case.origin.name(("step",)) or "step", caution)
-
-
 def build(
     case: Case, device: str | None = None, threads: int | None = None, precision: str | None = None
 ) -> Simulation:
@@ -499,7 +495,7 @@ def build(
     rows = initial_rows(case)
     check_gauges(case, rows)
     check_size(case, len(rows["kind"]))
-    warn_of_models(case)
+    advice.warn(case, initial_snapshot(case, rows))
     threads = threads or case.threads or kernels.worthwhile_threads(len(rows["kind"]))
     kernels.initialize(device or case.device, threads, precision or case.precision)
     return _simulation(case, rows)

@@ -365,11 +365,17 @@ def _dimensions(item: Parameters, loc: Location, d: int) -> Iterator[tuple[Locat
 
 def _sizes(case: Case) -> Iterator[tuple[Location, str, Any]]:
     """Yield drawings whose unit does not suit the rest of the case."""
+    if case.dimension == 3:
+        yield from mistaken_units(*extents(case), case.spacing)
+
+
+def extents(case: Case) -> tuple[list[tuple[Location, Shape]], list[tuple[float, ...]]]:
+    """Return the case's shapes with their places, and the corners [m] of its domain, if it has some."""
     items = [(key, index, item) for key in ("fluid", "body") for index, item in enumerate(getattr(case, key))]
+    shapes: list[tuple[Location, Shape]]
     shapes = [((key, index, "shape"), item.shape) for key, index, item in items if hasattr(item, "shape")]
     corners = [corner for corner in (case.domain.lower, case.domain.upper) if corner is not None]
-    if case.dimension == 3:
-        yield from mistaken_units(shapes, corners, case.spacing)
+    return shapes, corners
 
 
 # ------------------------------------------------------------------------------------- case files
@@ -394,6 +400,11 @@ def find_case(source: str | os.PathLike[str]) -> tuple[Path, str]:
     if path.is_file():
         name = path.parent.name if path.name == "case.toml" else path.stem
         return path, name or "case"
+    if path.is_dir():
+        inside = ", ".join(file.name for file in sorted(path.glob("*.toml"))[:3])
+        message = "is a folder, without a case.toml: name the case file in it"
+        message += f", such as {inside}" if inside else ""
+        raise CaseError([Problem("", f"case {str(source)!r}", "", message)])
     names = ", ".join(known)
     message = f"no such file and no built-in case; built-in: {names}{nearest_match(str(source), known)}"
     raise CaseError([Problem("", f"case {str(source)!r}", "", message)])

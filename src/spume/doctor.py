@@ -168,14 +168,6 @@ def _library(name: str) -> Check:
 
 _OF_SYSTEM = {"cpu": "", "cuda": "not-darwin", "vulkan": "", "metal": "darwin", "amdgpu": "linux"}
 
-_DRIVERS = {
-    "cuda": "an NVIDIA card and its driver: nvidia-smi must list it",
-    "vulkan": "a driver with Vulkan: vulkaninfo must list the card; on Debian and Ubuntu mesa-vulkan-drivers has one "
-    "that computes on the processor",
-    "metal": "a Mac with an Apple card",
-    "amdgpu": "an AMD card and ROCm: rocminfo must list it",
-}
-
 _TRY_DEVICE = (
     "import sys; from spume import kernels\n"
     "try: kernels.initialize(sys.argv[1], 1)\n"
@@ -185,7 +177,7 @@ _TRY_DEVICE = (
 
 def devices() -> Iterator[Check]:
     """Yield every device of the kernel language: whether kernels can run there."""
-    from spume.kernels import DEVICES
+    from spume.kernels import DEVICES, NEEDS
 
     wanted = os.environ.get("SPUME_DEVICE") or "cpu"
     if wanted not in DEVICES:
@@ -207,7 +199,7 @@ def devices() -> Iterator[Check]:
             yield Check("devices", device, FOUND, f"kernels run there{default}", needed=needed)
         else:
             why = _reason(text) if code == 7 else f"the attempt crashed ({code})"
-            remedy = f"needs {_DRIVERS[device]}" if device in _DRIVERS else "report it: pip install failed half-way?"
+            remedy = f"needs {NEEDS[device]}" if device in NEEDS else "report it: pip install failed half-way?"
             yield Check("devices", device, MISSING if code == 7 else BROKEN, why, remedy, needed=needed)
 
 

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, PrivateAttr
+from pydantic_core import PydanticCustomError
 from typing_extensions import override
 
 from spume.named import File, Scheme
@@ -41,6 +42,12 @@ class Gravity(Scheme, family="gravity", selector="kind"):
     @override
     @classmethod
     def shorthand(cls, value: Any) -> Any:
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            raise PydanticCustomError(
+                "gravity_form",
+                "must be a vector such as [0.0, {down}] in 2D or [0.0, 0.0, {down}] in 3D",
+                {"down": repr(-abs(float(value)))},
+            )
         if isinstance(value, list | tuple) or getattr(value, "ndim", None):
             return {"kind": "constant", "vector": value}
         return super().shorthand(value)

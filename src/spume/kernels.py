@@ -42,6 +42,14 @@ LONGEST_ARRAY = 2**31 - 1
 """Numbers that one array may hold; a vector of a row counts as d of them. Beyond, 32-bit indices would wrap around."""
 
 DEVICES = ("cpu", "cuda", "vulkan", "metal", "amdgpu")
+NEEDS = {
+    "cuda": "an NVIDIA card and its driver: nvidia-smi must list it",
+    "vulkan": "a driver with Vulkan: vulkaninfo must list the card; on Debian and Ubuntu mesa-vulkan-drivers has one "
+    "that computes on the processor",
+    "metal": "a Mac with an Apple card",
+    "amdgpu": "an AMD card and ROCm: rocminfo must list it",
+}
+"""What a device needs of the machine."""
 PRECISIONS = ("double", "single")
 
 
@@ -251,7 +259,9 @@ def initialize(device: str | None = None, threads: int | None = None, precision:
                 offline_cache_file_path=str(folder),
             )
     except Exception as error:
-        raise DeviceError(f"device = {device!r}: not available on this machine ({error})") from error
+        lacking = device in NEEDS and "not supported" in str(error)  # the language names itself only
+        needs = f"it needs {NEEDS[device]}" if lacking else str(error)
+        raise DeviceError(f"device = {device!r}: not available on this machine: {needs}") from error
     _runtime, _pool = wanted, affinity.Pool(before, threads if device == "cpu" else 1)
     for clear in _caches:
         clear()

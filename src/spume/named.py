@@ -63,6 +63,22 @@ class Parameters(BaseModel):
         defer_build=True,
     )
 
+    def __init__(self, /, **data: Any) -> None:
+        """Take the parameters as keyword arguments.
+
+        Raises:
+            CaseError: every mistake that was found, with the class in place of a file.
+        """
+        try:
+            super().__init__(**data)
+        except ValidationError as error:
+            from spume.problems import CaseError, Origin
+
+            raise CaseError(Origin(type(self).__name__, data).problems(error)) from None
+
+    # Says that validating a table need not go through the constructor: nested mistakes keep their places.
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
+
     @model_validator(mode="before")
     @classmethod
     def _read_table(cls, value: Any, info: ValidationInfo) -> Any:
@@ -82,7 +98,7 @@ class Parameters(BaseModel):
         meant = {str(error["loc"][0]) for error in errors}
         for key in value:
             if key not in keys:
-                near = nearest_match(str(key), keys)
+                near = cls._table_of(str(key)) or nearest_match(str(key), keys)
                 meant.update(k for k in keys if near.endswith(f"{k!r}?"))
                 message = f"no such key; allowed: {', '.join(keys) or '(none)'}{near}"
                 error = PydanticCustomError("unknown_key", "{message}", {"message": message})
@@ -97,6 +113,15 @@ class Parameters(BaseModel):
                 error = PydanticCustomError(item["type"], "{message}", context)
                 errors.append(InitErrorDetails(type=error, loc=item["loc"], input=item["input"]))
         raise ValidationError.from_exception_data(cls.__name__, errors)
+
+    @classmethod
+    def _table_of(cls, key: str) -> str:
+        """Return ``"; did you mean 'table.key'?"`` where a table inside has a key of that name, or an empty text."""
+        for name, field in cls.model_fields.items():
+            inside = field.annotation
+            if inspect.isclass(inside) and issubclass(inside, Parameters) and key in inside.model_fields:
+                return f"; did you mean {f'{name}.{key}'!r}?"
+        return ""
 
     @classmethod
     def _completed(cls, key: str, item: Any) -> Any:

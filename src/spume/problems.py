@@ -169,6 +169,8 @@ def _message(item: Any) -> str:
     kind = item["type"]
     if kind == "missing":
         return _KINDS[kind]
+    if kind == "tuple_type" and isinstance(item["input"], Mapping) and len(item["loc"]) == 1:
+        return f"write [[{item['loc'][0]}]]: there may be several, so its table stands in double brackets"
     if kind in _KINDS:
         return f"must be {_KINDS[kind]}"
     if kind == "literal_error":

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from spume.named import nearest_match
 from spume.outputs import frames, log, record, summary, vtkhdf
 from spume.outputs.machine import is_computing
 from spume.problems import CaseError, Problem
@@ -233,8 +234,12 @@ class Results:
         """Return the columns of a gauge, or of the log without a name, as NumPy arrays, and their units.
 
         Raises:
-            RunFolderError: there is no such file, or it is damaged.
+            RunFolderError: there is no such gauge, or its file is damaged.
         """
+        if name is not None and name not in self.gauge_names:
+            known = ", ".join(self.gauge_names) or "none"
+            near = nearest_match(name, self.gauge_names)
+            raise RunFolderError(self.path, f"no gauge {name!r}; the run has {known}{near}")
         if name not in self._tables:
             file = self.path / log.FILE if name is None else record.path(self.path, name)
             try:

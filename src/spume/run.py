@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import os
 import signal
 import threading
@@ -35,7 +36,7 @@ FINISHED, INTERRUPTED, FAILED = "finished", "interrupted", "failed"
 
 CHANGEABLE = (
     "time.end", "time.courant", "time.travel", "time.step_max", "output.checkpoint_interval",
-    "output.pictures", "output.animation", "output.colour", "output.colour_range", "output.map", "output.view",
+    "output.pictures", "output.animation", "output.colour", "output.colour_range", "output.map", "output.view_deg",
     "device", "threads", "title",
 )  # fmt: skip
 """Keys that a run may change when it is continued: none of them says what is simulated or what a file holds."""
@@ -98,7 +99,8 @@ def make_folder(folder: Path) -> None:
     """Make a run folder; an empty one may exist.
 
     Raises:
-        FolderExistsError: it exists and holds something; the message gives the remedy.
+        FolderExistsError: it exists and holds something, or a file is where a folder above it would be; the message
+            gives the remedy.
     """
     if folder.is_dir() and not any(folder.iterdir()):
         return
@@ -107,7 +109,26 @@ def make_folder(folder: Path) -> None:
         raise FolderExistsError(
             f"{folder} exists already; nothing is overwritten: choose another folder (--out {free}) or remove it"
         )
+    above = next((parent for parent in folder.parents if parent.exists()), folder.parent)
+    if not above.is_dir():
+        raise FolderExistsError(f"{folder} cannot be made: {above} is a file, not a folder; choose another (--out)")
     folder.mkdir(parents=True)
+
+
+@contextmanager
+def claimed(folder: Path) -> Iterator[None]:
+    """Make a run folder at once, and take it away again where the run is refused before it has written anything.
+
+    Raises:
+        FolderExistsError: see `make_folder`.
+    """
+    there = folder.exists()
+    make_folder(folder)
+    try:
+        yield
+    finally:
+        if not there and folder.is_dir() and not any(folder.iterdir()):
+            folder.rmdir()
 
 
 def run(
@@ -126,7 +147,9 @@ def run(
         case: the case.
         folder: run folder, which must not exist or be empty; default: a new one named after the
             case file (``case`` without one) in the current folder.
-        device, threads, precision: override the case's.
+        device: overrides the case's.
+        threads: overrides the case's.
+        precision: overrides the case's.
         console: where progress is shown; default: nowhere.
         max_wall_time: wall time [s] before whose end the run writes a checkpoint and stops.
 
@@ -167,8 +190,10 @@ def resume(
     Args:
         folder: the run folder.
         overrides: ``"time.end=2.0"``: keys to replace, of those in ``CHANGEABLE``.
-        device, threads: default: what the run was computed on.
-        console, max_wall_time: see `run`.
+        device: default: what the run was computed on.
+        threads: default: what the run was computed with.
+        console: see `run`.
+        max_wall_time: see `run`.
 
     Raises:
         CaseError: no checkpoint, a damaged one, one of another version, a key that cannot be changed, a
@@ -190,6 +215,7 @@ def resume(
                 f"this run is finished, at t = {saved.time:g} s; to go on: spume run --resume {folder} "
                 f"--set time.end={2.0 * saved.time:g}",
             )
+    _warn_of_failure(folder, case, saved)
     simulation = build(case, device or saved.device, threads or _same_threads(saved), saved.precision)
     try:
         simulation.restore(saved.arrays, saved.numbers)
@@ -273,6 +299,32 @@ def _warn_of_differences(this: Run, saved: Saved) -> None:
     ):
         if was != now:
             log.warning("%s was %s, is %s: the run goes on, but not bit by bit as it would have", name, was, now)
+
+
+REMEDIES = ("time.courant", "time.travel", "time.step_max")
+"""Of what a continued run may change, what changes the steps that it makes."""
+
+
+def _warn_of_failure(folder: Path, case: Case, saved: Saved) -> None:
+    """Warn where a run that failed is continued as it was: the same steps give the same failure."""
+    from spume.outputs import summary
+
+    try:
+        before = summary.read(folder)
+    except (OSError, ValueError):
+        return
+    was, now = (dict(flattened(tomllib.loads(text))) for text in (saved.case, case.to_toml()))
+    if before.get("status") == FAILED and all(was.get(key) == now.get(key) for key in REMEDIES):
+        log.warning(
+            "%s: this run failed at t = %.6g s (%s); it will fail again unless %s or %s change, as with: "
+            "--set time.courant=%g",
+            folder,
+            before.get("simulated_time") or math.nan,
+            before.get("reason"),
+            ", ".join(REMEDIES[:-1]),
+            REMEDIES[-1],
+            0.5 * case.time.courant,
+        )
 
 
 def _check_changes(case: Case, saved: Saved, folder: Path) -> None:

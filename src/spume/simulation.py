@@ -81,7 +81,13 @@ class Simulation:
 
         Raises:
             Diverged: the state is no longer a flow (see `spume.diagnosis`); `snapshot` then shows what is left of it.
+            RuntimeError: the end is reached (`done`).
         """
+        if self.done:
+            raise RuntimeError(
+                f"no step is left: the end, t = {self.clock.end:g} s, is reached (simulation.done); for more, build "
+                "the case with a later time.end"
+            )
         domain, clock = self.domain, self.clock
         particles = domain.particles
         with domain.stages("limits"):
@@ -233,7 +239,7 @@ class Simulation:
 
         Raises:
             KeyError: no such field.
-            ValidationError: a setting that is not allowed.
+            CaseError: a setting that is not allowed.
         """
         from spume.outputs.pictures import frame_of, plot
 

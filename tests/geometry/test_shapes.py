@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import ValidationError
 
 from spume.geometry import Box, Cylinder, Difference, Extrusion, Grid, Intersection, Polygon, Sphere, Tank, Union, fill
 from spume.geometry.grid import TooManyCellsError
+from spume.problems import CaseError
 
 SHAPES = [
     Box(lower=(-0.4, -0.2), upper=(0.5, 0.3)),
@@ -151,7 +151,7 @@ def test_faces_of_a_3d_tank():
     ],
 )
 def test_impossible_shapes_are_refused(make, words):
-    with pytest.raises(ValidationError, match=words):
+    with pytest.raises(CaseError, match=words):
         make()
 
 

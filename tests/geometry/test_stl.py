@@ -8,12 +8,12 @@ import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pydantic import ValidationError
 
 import spume
 from spume import build
 from spume.geometry import Box, Grid, Sphere, Stl, fill, wall_layers
 from spume.named import CASES
+from spume.problems import CaseError
 
 BOUNDS = [[0.2, 0.3, 0.0], [0.6, 0.5, 0.4]]
 BOX = Box(lower=tuple(BOUNDS[0]), upper=tuple(BOUNDS[1]))
@@ -115,7 +115,7 @@ def test_bodies_that_overlap_in_a_file_are_one(folder):
     ],
 )
 def test_files_that_are_no_solid_are_refused(folder, name, words):
-    with pytest.raises(ValidationError, match=words):
+    with pytest.raises(CaseError, match=words):
         Stl(file=folder / name)
 
 
@@ -131,6 +131,23 @@ def test_millimetres_are_named(folder):
     with pytest.raises(spume.CaseError, match=r"drawn in metres\? Then scale = 1"):
         drawn_case(folder, "box.stl", scale=0.001)
     assert drawn_case(folder, "millimetres.stl", scale=0.001).body[1].shape.measure() == pytest.approx(0.032)
+
+
+def test_a_drawing_in_centimetres_is_warned_of_before_its_walls_are_made(folder, caplog, monkeypatch):
+    class WallsAreMadeError(Exception):
+        pass
+
+    def made(*_):
+        raise WallsAreMadeError
+
+    monkeypatch.setattr(build, "_body_rows", made)
+    size = np.ptp(drawn_case(folder, "millimetres.stl", scale=0.001).body[1].shape.bounds(), axis=0).max()
+    for ratio, warned in ((12.0, True), (8.0, False)):
+        caplog.clear()
+        with pytest.raises(WallsAreMadeError):
+            build.initial_rows(drawn_case(folder, "millimetres.stl", scale=0.001 * ratio * 1.6 / size))
+        assert ("house.shape.scale: the drawing is 19.2 m long, the rest of the case 1.6 m" in caplog.text) == warned
+        assert ("is it in centimetres or millimetres? Then scale =" in caplog.text) == warned
 
 
 def test_thin_parts_are_named(folder, caplog):

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from spume.initial import Hydrostatic, Rest, Rotation, StandingWave, Strain, Table, TaylorGreen, Uniform
 from spume.initial.base import Setting
+from spume.problems import CaseError
 
 G = 9.81
 SETTING = Setting(1000.0, np.array([0.0, -G]), np.array([0.0, 0.0]), np.array([2.0, 1.0]))
@@ -119,5 +119,5 @@ class TestTable:
         ],
     )
     def test_bad_tables_are_refused(self, tmp_path, text, words):
-        with pytest.raises(ValidationError, match=words):
+        with pytest.raises(CaseError, match=words):
             Table(file=self.write(tmp_path, text))

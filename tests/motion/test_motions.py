@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from spume.motion import Composed, Series, Sinusoid, Uniform
+from spume.problems import CaseError
 
 RNG = np.random.default_rng(1)
 STEP = 1e-4
@@ -125,7 +125,7 @@ def test_a_gap_may_be_allowed(tmp_path):
 
 def test_what_contradicts_itself_is_refused():
     for wrong in ({"amplitude_deg": 3.0}, {"amplitude_deg": 3.0, "period": 1.0, "frequency": 1.0}, {"period": 1.0}):
-        with pytest.raises(ValidationError):
+        with pytest.raises(CaseError):
             Sinusoid(**wrong)
 
 

@@ -1,9 +1,13 @@
+import io
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from pydantic import ValidationError
+from rich.console import Console
 
 from outputs.fake_run import make_run
 from spume.outputs.reference import Compare, Reference, compare, first_crossing, table
+from spume.problems import CaseError
 from spume.tables import read_columns
 
 
@@ -107,6 +111,9 @@ def test_the_table_and_the_summary_hold_the_numbers(folder, capsys):
         assert text in printed
     assert output.results[0].to_json()["rms"] == pytest.approx(output.results[0].rms)
     assert table(output.results).row_count == 1
+    narrow = Console(width=50, file=io.StringIO())
+    narrow.print(table([replace(output.results[0], reference_peak=1.776, peak_band=(1.77, 2.03))]))
+    assert narrow.file.getvalue().count("…") == 1, "the band's own; nothing is cut off"
 
 
 @pytest.mark.parametrize(
@@ -122,13 +129,13 @@ def test_wrong_columns_are_named(folder, options, message):
 
 
 def test_wrong_keys_are_refused(folder):
-    with pytest.raises(ValidationError, match="give both columns"):
+    with pytest.raises(CaseError, match="give both columns"):
         reference(folder, lower="low")
-    with pytest.raises(ValidationError, match="from a smaller to a larger time"):
+    with pytest.raises(CaseError, match="from a smaller to a larger time"):
         reference(folder, window=(2.0, 1.0))
     with pytest.raises(ValueError, match="gauge = 'p': one of 'q'"):
         Compare([reference(folder)], ["q"])
-    with pytest.raises(ValidationError, match="no such file"):
+    with pytest.raises(CaseError, match="no such file"):
         reference(folder, "nothing.csv")
 
 

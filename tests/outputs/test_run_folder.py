@@ -131,6 +131,21 @@ def test_one_failing_output_does_not_keep_the_others_from_finishing(tmp_path):
     assert json.loads((tmp_path / "summary.json").read_text())["status"] == "finished"
 
 
+def test_an_interruption_at_the_end_leaves_a_summary_and_no_pictures(tmp_path):
+    """A second Ctrl-C comes while outputs are finished after the first."""
+
+    class Interrupted(Output):
+        def finish(self, run):
+            raise KeyboardInterrupt
+
+    run = make_run(tmp_path, settings=OutputSettings(frames=False, pictures=True))
+    outputs = Outputs([Interrupted(), *outputs_of(run.case).outputs])
+    with pytest.raises(KeyboardInterrupt):
+        complete(run, outputs)
+    assert json.loads((tmp_path / "summary.json").read_text())["status"] == "finished"
+    assert not list(tmp_path.rglob("*.png"))
+
+
 # ----------------------------------------------------------------------------------------- pictures
 
 

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from arrangements import block, inside, offsets, table, weights
 from spume import named
 from spume.particles import DUMMY, FLUID, WALL
 from spume.pressure.matrix import ABSENT, FLUX, KNOWN, SYSTEM_FIELDS, UNKNOWN, LinearSystem
+from spume.problems import CaseError
 from spume.schemes import discover
 from spume.schemes.free_surface.base import SURFACE_SHARE
 from spume.schemes.laplacian.corrected_vector import CorrectedVector
@@ -262,7 +262,7 @@ def test_the_lagged_correction(laplacian, d):
 
 
 def test_a_lagged_correction_is_refused_by_viscosity():
-    with pytest.raises(ValidationError, match="'lagged' corrects the pressure only: choose correction = 'full'"):
+    with pytest.raises(CaseError, match="'lagged' corrects the pressure only: choose correction = 'full'"):
         Explicit(laplacian=LAGGED["original"])
 
 
@@ -286,7 +286,7 @@ def test_forms_of_the_higher_order_model(d, re, three, two):
 
 
 def test_the_higher_order_model_belongs_to_one_weight():
-    with pytest.raises(ValidationError, match="derived from the weight 'inverse', not 'quadratic'"):
+    with pytest.raises(CaseError, match="derived from the weight 'inverse', not 'quadratic'"):
         HigherOrder(weight=Quadratic())
 
 

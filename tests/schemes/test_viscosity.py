@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from arrangements import block, table
 from spume.particles import DUMMY, FLUID, WALL
 from spume.pressure.conjugate_gradient import ConjugateGradient
 from spume.pressure.matrix import SYSTEM_FIELDS
 from spume.schemes.laplacian.distance import Distance
+from spume.problems import CaseError
 from spume.schemes.laplacian.second_order import SecondOrder
 from spume.schemes.turbulence.smagorinsky import Smagorinsky
 from spume.schemes.viscosity.explicit import Explicit
@@ -188,7 +188,7 @@ def test_turbulence_adds_to_both_viscosities():
 
 
 def test_an_inconsistent_solver_is_refused():
-    with pytest.raises(ValidationError, match="'cg' needs a symmetric matrix, which the laplacian 'second-order'"):
+    with pytest.raises(CaseError, match="'cg' needs a symmetric matrix, which the laplacian 'second-order'"):
         Implicit(laplacian=SecondOrder())
 
 

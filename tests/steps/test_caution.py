@@ -1,7 +1,6 @@
 """Models that can be computed together but do not fit each other are told of by name."""
 
 import pytest
-from pydantic import ValidationError
 from typer.testing import CliRunner
 
 from spume import named
@@ -9,6 +8,7 @@ from spume.cli import app
 from spume.pressure.bicgstab import StabilisedBiconjugateGradient
 from spume.pressure.conjugate_gradient import ConjugateGradient
 from spume.pressure.multigrid import Multigrid
+from spume.problems import CaseError
 from spume.schemes.free_surface.blended import Blended
 from spume.schemes.free_surface.detection_free import DetectionFree
 from spume.schemes.gradient.corrected import Corrected
@@ -66,7 +66,7 @@ def test_two_cautions_are_both_told():
 
 @pytest.mark.parametrize("step", [PredictMoveProject, ProjectInPlace])
 def test_a_symmetric_solver_refuses_a_matrix_that_is_not(step):
-    with pytest.raises(ValidationError, match="solver 'cg' needs a symmetric matrix") as caught:
+    with pytest.raises(CaseError, match="solver 'cg' needs a symmetric matrix") as caught:
         step(solver=ConjugateGradient(), laplacian=SecondOrder())
     assert "which the laplacian 'second-order' does not give: choose multigrid or bicgstab" in str(caught.value)
     for solver in (Multigrid(), StabilisedBiconjugateGradient()):

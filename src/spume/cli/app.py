@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-if TYPE_CHECKING:
-    from rich.console import Console
+from spume.terminal import new_console as new_console
 
+if TYPE_CHECKING:
     from spume.case import Case
 
 DONE, INPUT, DIVERGED, STOPPED = 0, 2, 3, 4
@@ -108,13 +108,6 @@ def _options(
     logger.handlers[:] = [handler]
     logger.setLevel(logging.DEBUG if verbose else logging.INFO)
     logger.propagate = False
-
-
-def new_console() -> Console:
-    """Return the console that results are printed on."""
-    from rich.console import Console
-
-    return Console()
 
 
 def load_case(

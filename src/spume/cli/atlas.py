@@ -34,8 +34,14 @@ def atlas(
     """
     from spume.atlas.combinations import combinations
     from spume.atlas.problems import PROBLEMS
+    from spume.named import nearest_match
 
     console = new_console()
+    known = [combination.name for combination in combinations()]
+    for text in only or []:
+        if not any(text in name for name in known):
+            message = f"{text!r} is part of no name: {', '.join(known)}{nearest_match(text, known)}"
+            raise typer.BadParameter(message, param_hint="--only")
     chosen = [c for c in combinations() if not only or c.name == "default" or any(text in c.name for text in only)]
     if listed:
         for combination in chosen:

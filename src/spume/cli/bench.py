@@ -20,6 +20,7 @@ from spume.cli.app import (
     load_case,
     new_console,
 )
+from spume.terminal import folding_table
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -65,12 +66,10 @@ def bench(
 
 def table_of(result: Result) -> Table:
     """Return the stages as a table."""
-    from rich.table import Table
-
     title = f"{result.case}, l0 = {result.spacing:g} m: {result.fluid:,} fluid particles, {result.rows:,} rows"
-    table = Table("stage", title=title, title_justify="left")
+    table = folding_table("stage", title=title, title_justify="left")
     for head in ("ns per fluid particle", "share", "bytes per row", "GB/s"):
-        table.add_column(head, justify="right")
+        table.add_column(head, justify="right", overflow="fold")
     total = result.seconds / max(result.steps, 1)
     for stage in result.stages:
         moved = "" if stage.bytes is None else f"{stage.bytes / max(result.active, 1):,.0f}"

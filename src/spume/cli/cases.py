@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from spume.cli.app import answers, app, complete_case, new_console
+from spume.terminal import folding_table
 
 
 @app.command()
@@ -21,11 +22,9 @@ def cases() -> None:
     """
     import tomllib
 
-    from rich.table import Table
-
     from spume.named import CASES
 
-    table = Table("name", "title")
+    table = folding_table("name", "title")
     for path in sorted(CASES.glob("*/case.toml")):
         with path.open("rb") as file:
             table.add_row(path.parent.name, tomllib.load(file).get("title", ""))

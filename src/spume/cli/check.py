@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from spume.cli.app import CaseArgument, SetOption, ThreadsOption, answers, app, load_case, new_console
+from spume.terminal import folding_table
 
 
 @app.command()
@@ -28,9 +29,7 @@ def check(
     """
     console = new_console()
     loaded = load_case(case, replaced, None, threads, None)
-    from rich.table import Table
-
-    from spume import build, kernels
+    from spume import advice, build, kernels
     from spume.outputs.pictures import draw_frames, frame_of
     from spume.prediction import device_of, predict
     from spume.progress import duration
@@ -38,10 +37,10 @@ def check(
     rows = build.initial_rows(loaded)
     build.check_gauges(loaded, rows)
     build.check_size(loaded, len(rows["kind"]))
-    build.warn_of_models(loaded)
+    advice.warn(loaded, build.initial_snapshot(loaded, rows))
     cores = kernels.possible_threads(loaded.threads or kernels.worthwhile_threads(len(rows["kind"])))
     predicted = predict(loaded, rows, cores)
-    table = Table(title=loaded.title or loaded.origin.label, show_header=False, title_justify="left")
+    table = folding_table("", "", title=loaded.title or loaded.origin.label, show_header=False, title_justify="left")
     table.add_row("spacing", f"{loaded.spacing:g} m, {loaded.dimension}D")
     for index, fluid in enumerate(loaded.fluid):
         count = int(((rows["kind"] == build.FLUID) & (rows["material"] == index)).sum())

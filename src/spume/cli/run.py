@@ -87,13 +87,23 @@ def run(
     if case is None:
         raise typer.BadParameter("Missing argument 'CASE' (or --resume DIR).")
     loaded = load_case(case, replaced, device, threads, precision)
-    from spume.run import make_folder, run_folder
+    from spume.run import claimed, run_folder
     from spume.run import run as run_case
 
     folder = run_folder(loaded.origin.label) if out is None else out
-    make_folder(folder)  # before anything long: what is there must not be overwritten
-    console.print(f"{loaded.title or loaded.origin.label}: results in {folder}", highlight=False)
-    _report(lambda: run_case(loaded, folder, console=console, max_wall_time=limit), folder)
+    with claimed(folder):  # before anything long: what is there must not be overwritten
+        console.print(f"{loaded.title or loaded.origin.label}: results in {folder}", highlight=False)
+        _report(lambda: run_case(loaded, folder, console=console, max_wall_time=limit), folder)
+
+
+def _removed(folder: Path) -> str:
+    """Return how many particles left the region in the whole run, as words behind others; nothing where none did."""
+    from spume.outputs import summary
+
+    if not (folder / summary.FILE).is_file():
+        return ""
+    removed = int(summary.read(folder)["counts"].get("removed", 0))
+    return f"; {removed:,} particles left the region and were removed" if removed else ""
 
 
 def _refuse(given: dict[str, Any]) -> None:
@@ -128,4 +138,4 @@ def _report(compute: Any, folder: Path) -> None:
         why = f" ({result.reason})" if result.reason else ""
         console.print(f"Interrupted after {words}{why}; {goes_on}", highlight=False, soft_wrap=True)
         raise typer.Exit(STOPPED)
-    console.print(f"Done: {words}", highlight=False)
+    console.print(f"Done: {words}{_removed(result.folder)}", highlight=False)

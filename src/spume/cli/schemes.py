@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from spume.cli.app import answers, app, new_console
+from spume.terminal import folding_table
 
 
 @app.command()
@@ -48,9 +49,7 @@ def schemes(
         ]
         typer.echo(json.dumps(rows, indent=2, ensure_ascii=False))
         return
-    from rich.table import Table
-
-    table = Table("family", "name", "ids", "source", "order", "conserves")
+    table = folding_table("family", "name", "ids", "source", "order", "conserves")
     for scheme in chosen:
         order = "" if scheme.order is None else str(scheme.order)
         ids, conserves = " ".join(scheme.ids), ", ".join(sorted(scheme.conserves))

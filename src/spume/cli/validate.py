@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from spume.cli.app import DIVERGED, answers, app, new_console
+from spume.terminal import folding_table
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -47,9 +48,7 @@ def validate(
     console = new_console()
     studies = chosen(cases or [])
     if listed:
-        from rich.table import Table
-
-        table = Table("number", "name", "case", "runs")
+        table = folding_table("number", "name", "case", "runs")
         for study in studies:
             table.add_row(study.number, study.name, study.title, ", ".join(run.name for run in study.runs))
         console.print(table)
@@ -79,11 +78,9 @@ def validate(
 
 def table_of(results: list[dict[str, Any]]) -> Table:
     """Return the bars as a table."""
-    from rich.table import Table
-
     from spume.validation.report import limits, number
 
-    table = Table("case", "quantity", "bar", "reached", "at", "")
+    table = folding_table("case", "quantity", "bar", "reached", "at", "")
     colours = {"holds": "green", "MISSED": "red"}
     for study in results:
         for bar in study["bars"]:

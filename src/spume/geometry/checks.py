@@ -14,6 +14,7 @@ from spume.geometry.stl import Stl
 from spume.named import Location, Parameters, walk
 
 _LARGEST_RATIO = 100.0  # of a drawing's size to that of the rest of the case
+_LARGE_RATIO = 10.0  # from which on a drawing is rather mistaken than meant: centimetres, or a coast with little water
 _SAMPLES = 4000
 _LOST = 2.0  # a surface farther than this from any row of its wall has none [l0]
 _THIN = 2.0  # water on both sides of a thinner part is within the reach of the operators [l0]
@@ -31,6 +32,38 @@ def mistaken_units(
         corners: points [m] that say how large the case is, besides shapes without drawings.
         spacing: l0 [m].
     """
+    for loc, drawing, own, size in _sizes(shapes, corners):
+        said = f"with it the drawing is {own:.3g} m long, the rest of the case {size:.3g} m"
+        if own > _LARGEST_RATIO * size:
+            unit = f"; is the drawing in millimetres? Then scale = {0.001 * drawing.scale:g}"
+            yield (*loc, "scale"), said + unit, drawing.scale
+        elif own < size / _LARGEST_RATIO and own < 3.0 * spacing:  # a small thing that is resolved may be meant
+            unit = f"; was it drawn in metres? Then scale = {1000.0 * drawing.scale:g}"
+            yield (*loc, "scale"), f"{said} and the spacing {spacing:g} m{unit}", drawing.scale
+
+
+def unlikely_sizes(
+    shapes: Sequence[tuple[Location, Shape]], corners: Sequence[Sequence[float]]
+) -> Iterator[tuple[Location, str]]:
+    """Yield place and sentence of drawings that may be meant, but extend far beyond the rest of the case.
+
+    Args:
+        shapes, corners: see `mistaken_units`.
+    """
+    for loc, drawing, own, size in _sizes(shapes, corners):
+        if own > _LARGE_RATIO * size:
+            centi, milli = 0.01 * drawing.scale, 0.001 * drawing.scale
+            yield (
+                (*loc, "scale"),
+                f"the drawing is {own:.3g} m long, the rest of the case {size:.3g} m, and walls all over it "
+                f"take particles and time; is it in centimetres or millimetres? Then scale = {centi:g} or {milli:g}",
+            )
+
+
+def _sizes(
+    shapes: Sequence[tuple[Location, Shape]], corners: Sequence[Sequence[float]]
+) -> Iterator[tuple[Location, Stl, float, float]]:
+    """Yield place, drawing, its largest extent [m] and that of what is not drawn [m]; nothing where all is drawn."""
     drawings: list[tuple[Location, Stl]] = []
     rest = [np.asarray(corner, dtype=float) for corner in corners]
     for loc, shape in shapes:
@@ -49,14 +82,7 @@ def mistaken_units(
     size = float(np.ptp(rest, axis=0).max())
     for loc, drawing in drawings:
         lower, upper = drawing.bounds()
-        own = float((upper - lower).max())
-        said = f"with it the drawing is {own:.3g} m long, the rest of the case {size:.3g} m"
-        if own > _LARGEST_RATIO * size:
-            unit = f"; is the drawing in millimetres? Then scale = {0.001 * drawing.scale:g}"
-            yield (*loc, "scale"), said + unit, drawing.scale
-        elif own < size / _LARGEST_RATIO and own < 3.0 * spacing:  # a small thing that is resolved may be meant
-            unit = f"; was it drawn in metres? Then scale = {1000.0 * drawing.scale:g}"
-            yield (*loc, "scale"), f"{said} and the spacing {spacing:g} m{unit}", drawing.scale
+        yield loc, drawing, float((upper - lower).max()), size
 
 
 def unresolved(shape: Shape, grid: Grid, rows: NDArray[np.float64]) -> list[str]:

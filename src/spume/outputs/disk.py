@@ -47,7 +47,8 @@ def need_room(folder: Path, size: int) -> None:
     """Raise OSError where a disk has less than that many bytes left: better before a file is begun than in it."""
     free = shutil.disk_usage(folder).free
     if free < size + _RESERVE:
-        raise OSError(errno.ENOSPC, f"{os.strerror(errno.ENOSPC)}: {size:,} bytes are needed, {free:,} are free")
+        said = f"{size:,} bytes and a reserve of {_RESERVE:,} for the last lines of tables are needed"
+        raise OSError(errno.ENOSPC, f"{os.strerror(errno.ENOSPC)}: {said}, {free:,} are free")
 
 
 class Sink(io.RawIOBase):

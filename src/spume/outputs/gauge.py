@@ -41,6 +41,10 @@ class Gauge(Scheme, family="gauge", selector="kind"):
     def check(self, snapshot: Snapshot) -> None:
         """Raise ValueError where the gauge does not fit the case (a wrong dimension, an unknown body)."""
 
+    def blind(self, snapshot: Snapshot) -> str:
+        """Return where the gauge is if no fluid can come to it, as far as the initial rows tell; else an empty text."""
+        return ""
+
     def measure(self, snapshot: Snapshot) -> dict[str, float]:
         """Return column name to value, SI units."""
         raise NotImplementedError

@@ -82,6 +82,7 @@ class RunLike(Protocol):
         case_folder: where the files that the case names are; None for a case without files.
         status: ``running``, and at the end ``finished``, ``interrupted`` or ``failed``.
         device, threads, precision: what the kernels run on.
+        hurried: whether to draw no pictures.
     """
 
     simulation: Any
@@ -92,6 +93,7 @@ class RunLike(Protocol):
     device: str
     threads: int
     precision: str
+    hurried: bool
 
 
 class Output:
@@ -150,13 +152,16 @@ class Outputs(Output):
         self._tell(lambda output: output.after_step(run))
 
     def finish(self, run: RunLike) -> None:
-        """Finish every output, also where one fails; the first error is raised at the end."""
+        """Finish every output, also where one fails or is interrupted; the first error is raised at the end."""
         entered = time.perf_counter()
-        first: Exception | None = None
+        first: BaseException | None = None
         # The checkpoint first: what the others write at the end is no part of a run that goes on.
         for output in (*([] if self.checkpoint is None else [self.checkpoint]), *self.outputs):
             try:
                 output.finish(run)
+            except KeyboardInterrupt as error:  # what is left is quick without pictures, and says how the run ended
+                first = first or error
+                run.hurried = True
             except Exception as error:
                 first = first or error
         self._leave(entered)

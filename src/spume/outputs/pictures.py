@@ -464,9 +464,9 @@ def plot(frame: vtkhdf.Frame, colour: str | None, dpi: int, settings: Mapping[st
 
     Raises:
         KeyError: no such field.
-        ValidationError: a setting that is not allowed.
+        CaseError: a setting that is not allowed.
     """
-    return frames_figure([frame], OutputSettings.model_validate({"colour": colour or "speed", **settings}), title, dpi)
+    return frames_figure([frame], OutputSettings(**{"colour": colour or "speed", **settings}), title, dpi)
 
 
 def animate(

@@ -16,6 +16,7 @@ from spume.named import File, Parameters
 from spume.outputs.output import Output, RunLike
 from spume.outputs.record import path as gauge_path
 from spume.tables import read_columns
+from spume.terminal import new_console
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -309,13 +310,13 @@ def table(comparisons: Sequence[Comparison]) -> Table:
         caption_justify="left",
         header_style="bold",
     )
-    made.add_column("gauge", no_wrap=True)
-    made.add_column("unit")
-    made.add_column("peak", justify="right")
-    made.add_column("measured", justify="right")
-    made.add_column("arrival", justify="right")
-    made.add_column("measured", justify="right")
-    made.add_column("rms error", justify="right")
+    made.add_column("gauge", overflow="fold")
+    made.add_column("unit", overflow="fold")
+    made.add_column("peak", justify="right", overflow="fold")
+    made.add_column("measured", justify="right", overflow="fold")
+    made.add_column("arrival", justify="right", overflow="fold")
+    made.add_column("measured", justify="right", overflow="fold")
+    made.add_column("rms error", justify="right", overflow="fold")
     for c in comparisons:
         measured = _number(c.reference_peak)
         if c.peak_band is not None:
@@ -372,7 +373,5 @@ class Compare(Output):
             return
         self.results = compare(self.references, run.folder)
         if not self.quiet:
-            from rich.console import Console
-
-            console = getattr(run, "console", None) or Console()
+            console = getattr(run, "console", None) or new_console()
             console.print(table(self.results))

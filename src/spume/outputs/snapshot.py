@@ -70,7 +70,8 @@ class Snapshot:
         fields: field name to its description (unit, doc, output).
         poses: label of each body that moves to where it is, relative to the start.
         periods: number of each periodic axis to the length of its period [m].
-        stiffness, focus: of a central gravity, -stiffness (x - focus) beside ``gravity`` [1/s^2], [m].
+        stiffness: of a central gravity, -stiffness (x - focus) beside ``gravity`` [1/s^2].
+        focus: of a central gravity [m].
     """
 
     def __init__(

@@ -67,6 +67,19 @@ class Elevation(Riding, name="elevation"):
                 f"not point down that axis: turn the case so that it does"
             )
 
+    def blind(self, snapshot: Snapshot) -> str:
+        """Inside a tank the line meets water or a floor; deeper than a spacing in a wall it meets none of its own."""
+        d, l0 = snapshot.dimension, snapshot.spacing
+        position = np.asarray(snapshot["position"], dtype=float)
+        to_surface = np.asarray(snapshot["to_surface"], dtype=float)
+        fluid = np.asarray(snapshot["kind"]) == FLUID
+        floor = ~fluid & (to_surface[:, -1] > 0.5 * np.linalg.norm(to_surface, axis=1))
+        for rows, reach in ((fluid, 1.5 * l0), (floor, l0)):
+            aside = snapshot.shortest((position + to_surface)[rows, : d - 1] - np.asarray(self.at))
+            if np.any(np.linalg.norm(aside, axis=1) < reach * (1.0 + 1e-6)):
+                return ""
+        return "has neither fluid nor a floor on its line"
+
     def measure(self, snapshot: Snapshot) -> dict[str, float]:
         snapshot = snapshot.seen_from(self.body)
         l0, d = snapshot.spacing, snapshot.dimension

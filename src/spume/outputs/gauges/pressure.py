@@ -59,6 +59,14 @@ class Pressure(Riding, name="pressure"):
                 "face its normal; give normal = [...]"
             )
 
+    def blind(self, snapshot: Snapshot) -> str:
+        """Fluid stays half a spacing off a surface: what is more than l0 behind one is reached by none."""
+        point = np.asarray(self.at, dtype=float)
+        depth = depth_in_wall(snapshot.around(self.at), point)
+        if depth <= (_REACH - 0.5) * snapshot.spacing:
+            return ""
+        return f"lies {depth / snapshot.spacing:.2g} spacings inside a wall"
+
     def measure(self, snapshot: Snapshot) -> dict[str, float]:
         snapshot = snapshot.seen_from(self.body).around(self.at)
         l0 = snapshot.spacing
@@ -174,6 +182,27 @@ def point_pressure(
         return mean
     value = float(np.linalg.solve(moments, basis.T @ (w * p))[0])
     return min(max(value, float(p.min())), float(p.max()))
+
+
+def depth_in_wall(snapshot: Snapshot, point: NDArray[np.float64]) -> float:
+    """Return how far [m] a point, shape (d,), lies behind the nearest surface of a wall's rows; 0 in front of it.
+
+    Rows say it that are at most two spacings away: far from them it is zero.
+    """
+    position = np.asarray(snapshot["position"], dtype=float)
+    to_surface = np.asarray(snapshot["to_surface"], dtype=float)
+    near = np.all(np.abs(position - point) < 2.0 * snapshot.spacing, axis=1)
+    rows = np.flatnonzero(near & (np.asarray(snapshot["kind"]) != FLUID))
+    distance = np.linalg.norm(to_surface[rows], axis=1)
+    rows, distance = rows[distance > 0.0], distance[distance > 0.0]
+    if len(rows) == 0:
+        return 0.0
+    away = position[rows] + to_surface[rows] - point
+    gap = np.linalg.norm(away, axis=1)
+    nearest = gap < gap.min() + 0.01 * snapshot.spacing  # several rows share the point of a corner
+    normal = to_surface[rows] / distance[:, None]
+    behind = float(np.max(np.einsum("ij,ij->i", normal[nearest], away[nearest])))
+    return float(gap.min()) if behind > 0.1 * snapshot.spacing else 0.0
 
 
 def _behind_a_wall(snapshot: Snapshot, points: NDArray[np.float64], centre: NDArray[np.float64]) -> NDArray[np.bool_]:
