@@ -7,8 +7,8 @@ from arrangements import block, table
 from spume.particles import DUMMY, FLUID, WALL
 from spume.pressure.conjugate_gradient import ConjugateGradient
 from spume.pressure.matrix import SYSTEM_FIELDS
-from spume.schemes.laplacian.distance import Distance
 from spume.problems import CaseError
+from spume.schemes.laplacian.distance import Distance
 from spume.schemes.laplacian.second_order import SecondOrder
 from spume.schemes.turbulence.smagorinsky import Smagorinsky
 from spume.schemes.viscosity.explicit import Explicit
