@@ -19,13 +19,14 @@ from spume.geometry.grid import TooManyCellsError
 from spume.geometry.layers import masters
 from spume.geometry.thickness import other_face
 from spume.initial.base import Setting
-from spume.moving import bodies_of, moving_together, reached, set_in_motion
+from spume.moving import bodies_of, moving_together, set_in_motion
 from spume.named import Location, nearest_match
 from spume.occupied import among, keys_of
 from spume.outputs import Snapshot
 from spume.particles import BASE_FIELDS, DUMMY, FLUID, WALL
 from spume.prediction import host_bytes_per_row, memory
-from spume.problems import Problem
+from spume.problems import Problem, point_text
+from spume.region import region
 
 if TYPE_CHECKING:
     from spume.simulation import Simulation
@@ -136,7 +137,7 @@ def _fluid_cells(case: Case, grid: Grid) -> list[NDArray[np.float64]]:
         for name, others in taken.items():
             shared = among(keys, others)
             if shared.any():
-                first = _point(points[shared][0])
+                first = point_text(points[shared][0])
                 message = f"{int(shared.sum())} of the {len(keys)} particles of fluid {fluid.name!r} lie in "
                 problems.append(case.problem(loc, f"{message}fluid {name!r}, the first at {first} m"))
         taken[fluid.name] = keys
@@ -318,7 +319,7 @@ def _check_fluid_and_walls(case: Case, grid: Grid, wet: Sequence[NDArray[np.floa
         for body, rows in zip(case.body, cells, strict=True):
             hit = among(keys, rows) | body.core(points, grid.spacing, grid.origin)
             if hit.any():
-                first = _point(points[hit][0])
+                first = point_text(points[hit][0])
                 message = f"{int(hit.sum())} of the {len(points)} particles of fluid {fluid.name!r} lie in "
                 message += f"body {body.name!r}, the first at {first} m"
                 problems.append(case.problem(("fluid", index, "shape"), message))
@@ -342,7 +343,7 @@ def _check_plates(case: Case, grid: Grid, solid: Sequence[Rows]) -> None:
         behind = grid.cells(there - 0.5 * grid.spacing * normal)
         thin &= ~among(keys_of(behind, grid, case), occupied)  # no fluid can be where another body is
         if thin.any():
-            message = f"{across[thin].min():.3g} m thick at {_point(face[thin][0])} m; a plate must be at least as "
+            message = f"{across[thin].min():.3g} m thick at {point_text(face[thin][0])} m; a plate must be at least as "
             message += f"thick as the largest re, {least:.3g} m, or the fluids beside it see each other through it"
             problems.append(case.problem(("body", index, "shape"), message))
     if problems:
@@ -403,10 +404,6 @@ def _adopt_fluid(case: Case, rows: Rows) -> None:
     rows["kinematic_viscosity"] = viscosity[rows["material"]]
 
 
-def _point(x: NDArray[np.float64]) -> str:
-    return f"({', '.join(f'{c:.4g}' for c in x)})"
-
-
 def initial_snapshot(case: Case, rows: Rows) -> Snapshot:
     """Return the initial rows as outputs see them."""
     assert case.domain.gravity is not None
@@ -456,7 +453,7 @@ def check_gauges(case: Case, rows: Rows) -> None:
         at = np.asarray(getattr(gauge, "at", ()), dtype=float)
         m = min(len(at), case.dimension)
         if m and not np.all((at[:m] >= lower[:m] - 1e-9) & (at[:m] <= upper[:m] + 1e-9)):
-            box = f"{_point(lower[:m])} … {_point(upper[:m])}"
+            box = f"{point_text(lower[:m])} … {point_text(upper[:m])}"
             problems.append(case.problem(("gauge", index, "at"), f"must lie in the domain, {box} m"))
     columns = {gauge.name: list(gauge.columns(case.dimension)) for gauge in case.gauge}
     for index, reference in enumerate(case.reference):
@@ -565,41 +562,3 @@ def _simulation(case: Case, rows: Rows) -> Simulation:
 
 
 _SKIN = 0.2  # of the neighbour lists, as a part of the spacing
-
-
-def _check_region(case: Case, rows: Rows) -> None:
-    """Refuse a domain that ends inside a body or a fluid, whose rows beyond it would be removed at once."""
-    lower, upper = np.array(case.domain.lower), np.array(case.domain.upper)
-    periodic = np.array([axis in case.domain.periodic for axis in AXES[: case.dimension]])
-    position = rows["position"]
-    beyond = np.any(((position < lower) | (position > upper)) & ~periodic, axis=1)
-    if not beyond.any():
-        return
-    owners = rows["body"][beyond]
-    names = [body.name for index, body in enumerate(case.body) if index in owners]
-    names += [f"the fluid {f.name}" for m, f in enumerate(case.fluid) if m in rows["material"][beyond][owners < 0]]
-    low, high = position.min(axis=0), position.max(axis=0)
-    raise CaseError(
-        [
-            case.problem(
-                ("domain", "lower"),
-                f"and upper leave out {int(beyond.sum())} of {len(position)} rows, of {', '.join(names)}: walls are "
-                f"layers thick, all rows lie in {_point(low)} … {_point(high)} m; leave lower and upper out, or put "
-                "them farther away",
-            )
-        ]
-    )
-
-
-def region(case: Case, rows: Rows) -> tuple[list[float], list[float]]:
-    """Return the corners [m] of the region beyond which particles are removed.
-
-    The domain's, or by default the box around all rows, wherever motions take them, with as much again on
-    every side.
-    """
-    if case.domain.lower is not None and case.domain.upper is not None:
-        _check_region(case, rows)
-        return list(case.domain.lower), list(case.domain.upper)
-    lower, upper = reached(case, rows["position"].min(axis=0), rows["position"].max(axis=0))
-    margin = float((upper - lower).max()) + 10.0 * case.spacing
-    return list(lower - margin), list(upper + margin)

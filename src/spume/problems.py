@@ -7,6 +7,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from spume.named import Location, nearest_match
@@ -186,3 +188,8 @@ def _message(item: Any) -> str:
         return f"must have at most {context['max_length']} entries, has {context['actual_length']}"
     message: str = item["msg"].removeprefix("Value error, ")
     return message.replace("Input should be", "must be").replace("String should", "text should")
+
+
+def point_text(x: NDArray[np.float64]) -> str:
+    """Return coordinates, shape (d,), as they stand in messages."""
+    return f"({', '.join(f'{c:.4g}' for c in x)})"
