@@ -48,8 +48,8 @@ def _check_region(case: Case, rows: Rows) -> None:
             case.problem(
                 ("domain", "lower"),
                 f"and upper leave out {int(beyond.sum())} of {len(position)} rows, of {', '.join(names)}: walls are "
-                f"layers thick, all rows lie in {point_text(low)} … {point_text(high)} m; leave lower and upper out, or "
-                "put them farther away",
+                f"layers thick, all rows lie in {point_text(low)} … {point_text(high)} m; leave lower and upper out "
+                "or put them farther away",
             )
         ]
     )
