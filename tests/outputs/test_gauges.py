@@ -307,6 +307,9 @@ def test_the_force_on_an_accelerated_tank_is_that_on_its_water(frame):
     mass = 1000.0 * size[0] * size[1]
     assert force["force_x"] == pytest.approx(-mass * a, rel=0.01)
     assert force["force_y"] == pytest.approx(-mass * 9.81, rel=0.01)
+    resumed = case.build(threads=1)
+    resumed.restore(*simulation.state(Force.reads))
+    assert Force(name="f", body="tank").measure(resumed.snapshot()) == force, "what a gauge reads is kept"
 
 
 def test_gauges_look_through_a_periodic_boundary():

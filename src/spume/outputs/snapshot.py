@@ -179,22 +179,8 @@ class Snapshot:
 
     def keep(self, names: tuple[str, ...]) -> Snapshot:
         """Return a snapshot with these fields fetched, which stays valid after the next step."""
-        kept = Snapshot(
-            self.__getitem__,
-            time=self.time,
-            step=self.step,
-            dt=self.dt,
-            spacing=self.spacing,
-            dimension=self.dimension,
-            gravity=self.gravity,
-            n0=self.n0,
-            bodies=self.bodies,
-            fields=self.fields,
-            poses=self.poses,
-            periods=self.periods,
-            stiffness=self.stiffness,
-            focus=self.focus,
-        )
+        kept = _like(self, self.__getitem__, self.gravity)
+        kept.poses, kept.periods = self.poses, self.periods
         for name in names:
             kept[name]
         kept._fetch = None
@@ -229,7 +215,7 @@ def _moved(snapshot: Snapshot, position: NDArray[np.float64]) -> Snapshot:
 
 
 def _like(snapshot: Snapshot, fetch: Callable[[str], NDArray[Any]], gravity: NDArray[np.float64]) -> Snapshot:
-    """Return a snapshot of the same instant with other places and directions."""
+    """Return a snapshot of the same instant with other places and directions; poses and periods are left out."""
     return Snapshot(
         fetch,
         time=snapshot.time,
@@ -241,4 +227,6 @@ def _like(snapshot: Snapshot, fetch: Callable[[str], NDArray[Any]], gravity: NDA
         n0=snapshot.n0,
         bodies=snapshot.bodies,
         fields=snapshot.fields,
+        stiffness=snapshot.stiffness,
+        focus=snapshot.focus,
     )

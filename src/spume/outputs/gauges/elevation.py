@@ -72,9 +72,7 @@ class Elevation(Riding, name="elevation"):
         d, l0 = snapshot.dimension, snapshot.spacing
         position = np.asarray(snapshot["position"], dtype=float)
         to_surface = np.asarray(snapshot["to_surface"], dtype=float)
-        fluid = np.asarray(snapshot["kind"]) == FLUID
-        floor = ~fluid & (to_surface[:, -1] > 0.5 * np.linalg.norm(to_surface, axis=1))
-        for rows, reach in ((fluid, 1.5 * l0), (floor, l0)):
+        for rows, reach in ((snapshot.fluid, 1.5 * l0), (~snapshot.fluid & _looks_up(to_surface), l0)):
             aside = snapshot.shortest((position + to_surface)[rows, : d - 1] - np.asarray(self.at))
             if np.any(np.linalg.norm(aside, axis=1) < reach * (1.0 + 1e-6)):
                 return ""
@@ -94,7 +92,7 @@ class Elevation(Riding, name="elevation"):
         height = position[near, -1]
         fluid = np.asarray(snapshot["kind"])[near] == FLUID
         to_surface = np.asarray(snapshot["to_surface"], dtype=float)[near]
-        floor = ~fluid & (to_surface[:, -1] > 0.5 * np.linalg.norm(to_surface, axis=1))
+        floor = ~fluid & _looks_up(to_surface)
         # The rim of a tank beside the line is no floor of its water.
         highest = height[floor].min(initial=np.inf) + 2.0 * radius
         floor &= height <= max(highest, height[fluid].max(initial=-np.inf))
@@ -134,6 +132,11 @@ class Elevation(Riding, name="elevation"):
             "first_surface": float(tops[0]),
             "wetted_length": float(length),
         }
+
+
+def _looks_up(to_surface: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which surfaces look up, by the vectors to them, shape (n, d): those of a floor or a rim."""
+    return np.asarray(to_surface[:, -1] > 0.5 * np.linalg.norm(to_surface, axis=1))
 
 
 def _wendland(r: NDArray[np.float64], radius: float, d: int) -> NDArray[np.float64]:

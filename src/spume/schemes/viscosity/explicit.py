@@ -33,7 +33,7 @@ class Explicit(Viscosity, name="explicit"):
     round-off with a symmetric Laplacian. Solid rows take part with their ``slip_velocity``, the image of the fluid in
     the wall, or with the stress of a ``wall_function``: mu (u_j - u_i) is then -tau h t, t the direction of the motion
     along the wall and h the distance of i from the plane through j, so that per area the fluid loses tau. Stable up to
-    a time step of the order of l0^2/nu; for more, ``implicit``. Between fluid rows nearer than l0/2, which are about to
+    a time step of the order of l0^2/nu; for more, ``implicit``. Between rows nearer than l0/2, which are about to
     collide, c is less by (r/(l0/2))^4: growing like 1/r^3, it would turn such a pair round and throw it apart.
     """
 
