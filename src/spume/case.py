@@ -306,14 +306,23 @@ class Case(Parameters):
 
         return case_html(self)
 
-    def table(self) -> dict[str, Any]:
-        """Return the completed case as the tables of a case file, every key with its value."""
-        document: dict[str, Any] = _without_none(self.model_dump())
+    def table(self, folder: Path | None = None) -> dict[str, Any]:
+        """Return the completed case as the tables of a case file, every key with its value.
+
+        Args:
+            folder: files below it are named relative to it; default: all files have their absolute names.
+        """
+        context = None if folder is None else {"folder": folder.absolute()}
+        document: dict[str, Any] = _without_none(self.model_dump(context=context))
         return document
 
-    def to_toml(self) -> str:
-        """Return the completed case as a case file, every key with its value; reading it gives this case."""
-        return toml.dumps(self.table())
+    def to_toml(self, folder: Path | None = None) -> str:
+        """Return the completed case as a case file, every key with its value; reading it gives this case.
+
+        Args:
+            folder: see `table`: that of the case file.
+        """
+        return toml.dumps(self.table(folder))
 
 
 def _without_none(value: Any) -> Any:

@@ -24,6 +24,7 @@ from pydantic import (
     GetJsonSchemaHandler,
     PlainSerializer,
     PlainValidator,
+    SerializationInfo,
     ValidationError,
     ValidationInfo,
     WithJsonSchema,
@@ -236,7 +237,9 @@ class Scheme(Parameters):
             return handler(source)
         return core_schema.with_info_plain_validator_function(
             cls._from_name_or_table,
-            serialization=core_schema.plain_serializer_function_ser_schema(to_table),
+            serialization=core_schema.plain_serializer_function_ser_schema(
+                lambda scheme, info: to_table(scheme, info.context), info_arg=True
+            ),
         )
 
     @classmethod
@@ -321,9 +324,14 @@ def load_all() -> None:
         entry.load()
 
 
-def to_table(scheme: Scheme) -> dict[str, Any]:
-    """Return the table that a case file would hold for this scheme: its name and all its parameters."""
-    return {scheme.selector: scheme.key, **scheme.model_dump()}
+def to_table(scheme: Scheme, context: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """Return the table that a case file would hold for this scheme: its name and all its parameters.
+
+    Args:
+        scheme: the scheme.
+        context: ``folder``, below which files are named relative to it.
+    """
+    return {scheme.selector: scheme.key, **scheme.model_dump(context=context)}
 
 
 class OneOrMore:
@@ -367,8 +375,11 @@ def _read_path(value: Any, info: ValidationInfo) -> Path:
     )
 
 
-def _write_path(path: Path) -> str:
-    return path.relative_to(CASES).as_posix() if path.is_relative_to(CASES) else path.as_posix()
+def _write_path(path: Path, info: SerializationInfo) -> str:
+    for folder in (CASES, (info.context or {}).get("folder")):
+        if folder is not None and path.is_relative_to(folder):
+            return path.relative_to(folder).as_posix()
+    return path.as_posix()
 
 
 File = Annotated[

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from spume import inputs
 from spume.build import build
 from spume.case import Case, load
 from spume.outputs import Outputs, outputs_of
@@ -58,7 +59,6 @@ class Run:
         reason: why it failed or was interrupted.
         failure: where and why it failed, as numbers and text.
         device, threads, precision: what the kernels run on.
-        case_folder: where files that the case names are; they are absolute already.
         console: where outputs print.
         whole: whether the state is that between two steps; false after an error within one.
         hurried: whether the machine is wanted for something else: no pictures are drawn.
@@ -72,7 +72,6 @@ class Run:
     device: str = ""
     threads: int = 1
     precision: str = ""
-    case_folder: Path | None = None
     console: Any = field(default=None, repr=False)
     failure: dict[str, Any] | None = None
     whole: bool = True
@@ -167,7 +166,8 @@ def run(
     simulation = build(case, device, threads, precision)
     folder = run_folder(case.origin.label or "case") if folder is None else Path(folder)
     make_folder(folder)
-    replace_text(folder / "case.toml", case.to_toml())
+    case = inputs.kept(case, folder)
+    replace_text(folder / "case.toml", case.to_toml(folder))
     this = _described(case, simulation, folder, console)
     outputs = outputs_of(case)
     return _loop(this, outputs, limit, lambda: outputs.start(this))
@@ -224,7 +224,7 @@ def resume(
             folder / checkpoint.FILE, f"does not fit the case ({error}); start it again: spume run {folder}/case.toml"
         ) from error
     if overrides:
-        replace_text(folder / "case.toml", case.to_toml())
+        replace_text(folder / "case.toml", case.to_toml(folder))
     this = _described(case, simulation, folder, console)
     _warn_of_differences(this, saved)
     log.info("continuing %s after step %d, t = %.6g s", folder, saved.step, saved.time)
@@ -313,7 +313,7 @@ def _warn_of_failure(folder: Path, case: Case, saved: Saved) -> None:
         before = summary.read(folder)
     except (OSError, ValueError):
         return
-    was, now = (dict(flattened(tomllib.loads(text))) for text in (saved.case, case.to_toml()))
+    was, now = (dict(flattened(tomllib.loads(text))) for text in (saved.case, case.to_toml(folder)))
     if before.get("status") == FAILED and all(was.get(key) == now.get(key) for key in REMEDIES):
         log.warning(
             "%s: this run failed at t = %.6g s (%s); it will fail again unless %s or %s change, as with: "
@@ -332,7 +332,7 @@ def _check_changes(case: Case, saved: Saved, folder: Path) -> None:
     from spume.outputs.checkpoint import CheckpointError
 
     before = dict(flattened(tomllib.loads(saved.case)))
-    now = dict(flattened(tomllib.loads(case.to_toml())))
+    now = dict(flattened(tomllib.loads(case.to_toml(folder))))
     for key in dict.fromkeys((*before, *now)):
         if before.get(key) != now.get(key) and not any(key == k or key.startswith(k + ".") for k in CHANGEABLE):
             given = f"{key} = {now[key]!r}" if key in now else key

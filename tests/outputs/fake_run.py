@@ -113,14 +113,13 @@ def make_run(folder, gauges=(), references=(), settings=None, end=0.5, simulatio
         time=SimpleNamespace(end=end),
         gauge=tuple(gauges),
         reference=tuple(references),
-        to_toml=lambda: "",
+        to_toml=lambda folder=None: "",
         output=settings or OutputSettings(animation="none"),
     )
     return SimpleNamespace(
         simulation=simulation or Simulation(),
         case=case,
         folder=folder,
-        case_folder=None,
         status="running",
         device="cpu",
         threads=2,

@@ -114,7 +114,7 @@ class Checkpoint(Output):
             return  # the step that begins will say so
         try:
             saved = Saved(
-                arrays, numbers, self.clock.state(), case.to_toml(), _version(), run.device, run.threads,
+                arrays, numbers, self.clock.state(), case.to_toml(run.folder), _version(), run.device, run.threads,
                 run.precision, run.simulation.time, step,
             )  # fmt: skip
             write(run.folder / FILE, saved)

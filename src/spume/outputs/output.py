@@ -79,7 +79,6 @@ class RunLike(Protocol):
         simulation: the simulation, between two steps.
         case: the case (``title``, ``time.end``, ``gauge``, ``output``, ``reference``).
         folder: the run folder, which exists.
-        case_folder: where the files that the case names are; None for a case without files.
         status: ``running``, and at the end ``finished``, ``interrupted`` or ``failed``.
         device, threads, precision: what the kernels run on.
         hurried: whether to draw no pictures.
@@ -88,7 +87,6 @@ class RunLike(Protocol):
     simulation: Any
     case: Any
     folder: Path
-    case_folder: Path | None
     status: str
     device: str
     threads: int
