@@ -6,9 +6,16 @@ import pytest
 import spume
 from spume.motion import Sinusoid, Uniform
 from spume.particles import SOLID
+from spume.schemes.collision.inelastic import Inelastic
+from spume.schemes.free_surface.blended import Blended
+from spume.schemes.free_surface.detection_free import DetectionFree
+from spume.schemes.gradient.corrected import Corrected
+from spume.schemes.source.divergence import VelocityDivergence
 from spume.steps.predict_move_project import PredictMoveProject
 from spume.steps.project_in_place import ProjectInPlace
 from spume.steps.weakly_compressible import WeaklyCompressible
+from spume.wall_models.neumann import Neumann
+from spume.wall_models.resting import Resting
 from tanks import by_id
 
 L0 = 0.025
@@ -88,3 +95,52 @@ def test_water_that_runs_over_the_rim_of_a_tank_stands_on_it(device):
         over = max(over, int(np.count_nonzero((beside > l0) & (x[:, 1] > 0.3))))
         assert not np.any((beside > 0.5 * l0) & (beside < 2.4 * l0) & (x[:, 1] < 0.3 - 0.5 * l0) & (x[:, 1] > 0.0))
     assert over > 5
+
+
+@pytest.mark.parametrize("wall_model", [Neumann(), Resting()], ids=lambda model: model.key)
+@pytest.mark.parametrize("step", STEPS[:2], ids=lambda step: step.key)
+def test_water_that_fills_a_shaken_box_moves_as_the_box_does(device, step, wall_model):
+    """At the end of each step, not one step later: without gravity and a surface there is nothing else to do.
+
+    Rows of resting walls have an equation and take part of the pressure's work, a third of what a step changes.
+    """
+    motion = Sinusoid(amplitude=[0.05, 0.0], period=0.8, phase_deg=90.0)
+    # Where rows have moved before it is looked for, a surface is seen in a full box.
+    surface = Blended() if step.key == "project-in-place" else DetectionFree()
+    models = {
+        "wall_model": wall_model, "source": VelocityDivergence(), "free_surface": surface, "gradient": Corrected(),
+    }  # fmt: skip
+    shaken = spume.Case(
+        spacing=L0, time=spume.Time(end=3.0, step_max=0.004), domain=spume.Domain(gravity=[0.0, 0.0]),
+        step=step.model_copy(update=models),
+        fluid=[spume.Fluid(name="water", shape=spume.Box(lower=[0.0, 0.0], upper=[0.2, 0.15]))],
+        body=[spume.Wall(name="box", shape=spume.Tank(lower=[0.0, 0.0], upper=[0.2, 0.15]), motion=motion)],
+    )  # fmt: skip
+    simulation = shaken.build(device=device, threads=1)
+    part = 0.5 if wall_model == Resting() else 0.01
+    before = np.zeros(2)
+    for _ in range(12):
+        simulation.advance()
+        wall = by_id(simulation, "velocity", kinds=SOLID)[0]
+        change = np.linalg.norm(wall - before)
+        assert by_id(simulation, "velocity").mean(axis=0) == pytest.approx(wall, abs=part * change)
+        before = wall
+
+
+@pytest.mark.parametrize("wall_model", [Neumann(), Resting()], ids=lambda model: model.key)
+def test_a_row_that_is_hit_by_a_wall_gets_its_velocity(device, wall_model):
+    """Also where rows move before the pressure is solved for, when solid rows still have that of the step before."""
+    step = PredictMoveProject(wall_model=wall_model, source=VelocityDivergence(), collision=Inelastic(restitution=0.0))
+    hit = spume.Case(
+        spacing=L0, time=spume.Time(end=3.0, step_max=0.002), domain=spume.Domain(gravity=[0.0, 0.0]), step=step,
+        fluid=[spume.Fluid(name="drop", shape=spume.Box(lower=[0.0, 0.0], upper=[L0, L0]))],
+        body=[spume.Wall(name="plate", motion=Sinusoid(amplitude=[0.0, -0.05], period=0.2, phase_deg=90.0),
+                         shape=spume.Box(lower=[-0.15, -0.15], upper=[0.175, 0.0]))],
+    )  # fmt: skip
+    simulation = hit.build(device=device, threads=1)
+    while not simulation.statistics.get("collisions"):
+        simulation.advance()
+        assert simulation.time < 0.05
+    wall = by_id(simulation, "velocity", kinds=SOLID)[0]
+    assert wall[1] > 0.1
+    assert by_id(simulation, "velocity")[0] == pytest.approx(wall, abs=1e-3 * wall[1])

@@ -72,7 +72,7 @@ def initial_rows(case: Case) -> Rows:
 
     Returns:
         ``position``, ``velocity``, ``to_surface`` (n, d); ``pressure``, ``density``,
-        ``kinematic_viscosity``, ``face_area`` (n,); ``kind``, ``body``, ``material``, ``id``, ``master`` (n,) integers.
+        ``kinematic_viscosity`` (n,); ``kind``, ``body``, ``material``, ``id``, ``master``, ``exposed`` (n,) integers.
         SI units; ``master`` is the id of the wall row that a dummy copies, for other rows their own.
 
     Raises:
@@ -363,10 +363,10 @@ def _join(tables: Sequence[Rows], dimension: int) -> Rows:
             "to_surface": np.zeros((n, dimension)),
             "velocity": np.zeros((n, dimension)),
             "pressure": np.zeros(n),
-            "face_area": np.zeros(n),
+            "exposed": np.zeros(n, dtype=np.int32),
             "material": np.zeros(n, dtype=int),
         }
-        for name in ("position", "velocity", "pressure", "to_surface", "face_area", "kind", "body", "material"):
+        for name in ("position", "velocity", "pressure", "to_surface", "exposed", "kind", "body", "material"):
             parts.setdefault(name, []).append(np.asarray(table.get(name, fallback.get(name))))
         parts.setdefault("master", []).append(table["master"] + start)
         start += n
@@ -555,7 +555,7 @@ def _simulation(case: Case, rows: Rows) -> Simulation:
         ) from error
     lattice = Lattice(case.dimension, case.spacing)
     frame = case.domain.motion if case.domain.frame == "tank" else None
-    domain = Domain(lattice, particles, pairs, bodies, case.domain.gravity, case.fluid[0].density, motion=frame)
+    domain = Domain(lattice, particles, pairs, bodies, case.domain.gravity, motion=frame)
     particles.set("wall_acceleration", domain.force(0.0).at_rest(rows["position"]))
     clock = Clock(case.time.end, case.time.courant, case.time.travel, case.time.step_max or math.inf)
     return Simulation(domain, case.step, clock)

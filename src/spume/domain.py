@@ -25,7 +25,6 @@ class Domain:
         pairs: neighbours of the rows.
         bodies: what is not fluid.
         gravity: a ``Gravity`` scheme.
-        density: density of the (first) fluid [kg/m^3].
         system: the linear system of the pressure.
         components: connected components of that system.
         stages: wall time of the stages of the step.
@@ -37,7 +36,6 @@ class Domain:
     pairs: Pairs
     bodies: Sequence[Any]
     gravity: Any
-    density: float = 1000.0
     system: LinearSystem = field(default_factory=lambda: LinearSystem(single=True))
     components: Components = field(default_factory=Components)
     stages: Stopwatch = field(default_factory=Stopwatch)

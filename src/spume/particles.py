@@ -77,7 +77,10 @@ BASE_FIELDS = (
     Field("free_surface", (), "1", "1 on the free surface", int, output=True, restart=True),
     Field("to_surface", ("d",), "m", "solid rows: vector to the nearest point of the wetted surface", restart=True),
     Field("dry", (), "1", "1 for solid rows that no fluid is near: they take no part", int, restart=True),
-    Field("face_area", (), "m^(d-1)", "wall rows: area of the surface that the row has", constant=True, restart=True),
+    Field(
+        "exposed", (), "1", "solid rows: faces of the cell beyond which the body has no row, 4^k and 2 4^k of axis k",
+        int, constant=True, restart=True,
+    ),
     Field("master", (), "1", "dummy rows: id of the wall row that they copy", int, constant=True, restart=True),
 )  # fmt: skip
 

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from spume.geometry.layers import exposed_faces
 from spume.outputs.output import OutputSettings
 from spume.outputs.snapshot import DUMMY, FLUID, WALL, Snapshot
 
@@ -33,6 +34,8 @@ def tank(spacing, length, depth, height, width=None, jitter=0.0, seed=0):
     noise = np.random.default_rng(seed).uniform(-jitter, jitter, position.shape) * spacing
     position = np.where(fluid[:, None], position + noise, position)
     n = len(position)
+    exposed = np.zeros(n, dtype=int)
+    exposed[~fluid] = exposed_faces(np.round(position[~fluid] / spacing - 0.5).astype(int))
     return {
         "position": position,
         "velocity": np.zeros((n, d)),
@@ -45,9 +48,7 @@ def tank(spacing, length, depth, height, width=None, jitter=0.0, seed=0):
         "material": np.zeros(n, dtype=int),
         "wall_acceleration": np.where(fluid[:, None], 0.0, np.append(np.zeros(d - 1), -GRAVITY)),
         "to_surface": to_surface,
-        "face_area": np.where(
-            (kind == WALL) & (np.linalg.norm(to_surface, axis=1) < 0.6 * spacing), spacing ** (d - 1), 0.0
-        ),
+        "exposed": exposed,
         "id": np.arange(n),
     }
 

@@ -2,7 +2,7 @@
 
 from reference.cloud import DT
 from reference.divergence import original
-from reference.gradient import sum_
+from reference.gradient import corrected, sum_
 from reference.viscosity import explicit
 
 SOUND = 20.0
@@ -18,7 +18,8 @@ def weakly_compressible(cloud, exponent=7.0, diffusion=0.1):
     """Rate (s' - s)/dt of the relative density s over a step.
 
     P = rho c^2/gamma (s^gamma - 1);  u' = u + dt [div(mu grad u)/rho - grad P/rho], grad P in the sum form;
-    (s' - s)/dt = -s div u' + delta l0/(rho c) 2 d/n0 sum_j [P_j - P_i - (grad P_i + grad P_j) . r_ij/2] W/r^2.
+    (s' - s)/dt = -s div u' + delta l0/(rho c) 2 d/n0 sum_j [P_j - P_i - (grad P_i + grad P_j) . r_ij/2] W/r^2,
+    here with the corrected gradient.
     """
     s = density_at_start(cloud)
     P = cloud.rho * SOUND**2 / exponent * (s**exponent - 1)
@@ -26,6 +27,7 @@ def weakly_compressible(cloud, exponent=7.0, diffusion=0.1):
     pressed.phi = P
     slope = sum_(pressed)
     rate = -s * original(cloud.moved(cloud.x, cloud.u + DT * (explicit(cloud) - slope / cloud.rho[:, None])))
+    slope = corrected(pressed)
     for i in range(len(cloud)):
         for j, r, apart, w in cloud.neighbours(i):
             jump = P[j] - P[i] - (slope[i] + slope[j]) @ r / 2

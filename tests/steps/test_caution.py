@@ -12,7 +12,11 @@ from spume.problems import CaseError
 from spume.schemes.free_surface.blended import Blended
 from spume.schemes.free_surface.detection_free import DetectionFree
 from spume.schemes.gradient.corrected import Corrected
+from spume.schemes.laplacian.corrected_vector import CorrectedVector
+from spume.schemes.laplacian.distance import Distance
+from spume.schemes.laplacian.dummy_neighbour import DummyNeighbour
 from spume.schemes.laplacian.higher_order import HigherOrder
+from spume.schemes.laplacian.least_squares import LeastSquares
 from spume.schemes.laplacian.original import Original
 from spume.schemes.laplacian.second_order import SecondOrder
 from spume.schemes.source.density import Density
@@ -94,3 +98,21 @@ def test_check_says_so_too(tmp_path, monkeypatch, caplog):
     result = CliRunner().invoke(app, ["check", "dam-break", "--set", "spacing=0.05", "--set", f"step={step}"])
     assert result.exit_code == 0, result.output
     assert ANOTHER_RADIUS in " ".join((caplog.text + result.output).split())
+
+
+@pytest.mark.parametrize(
+    ("laplacian", "told"),
+    [
+        (CorrectedVector(base="distance"), True),
+        (CorrectedVector(base="distance", correction="lagged"), False),
+        (DummyNeighbour(), True),
+        (SecondOrder(), True),
+        (LeastSquares(), True),
+        (Distance(), False),
+    ],
+)
+def test_what_is_missing_at_the_surface_is_not_made_up_for_twice(laplacian, told):
+    found = ProjectInPlace(laplacian=laplacian).caution()
+    assert bool(found) == told
+    assert not told or "choose distance, or corrected-vector with correction = 'lagged'" in found
+    assert ProjectInPlace(laplacian=laplacian, free_surface=Blended()).caution() == ""

@@ -69,7 +69,7 @@ class Wall(Rigid, name="wall"):
             "position": layers.position,
             "kind": np.where(layers.wall, WALL, DUMMY).astype(np.int32),
             "to_surface": layers.to_surface,
-            "face_area": layers.face_area,
+            "exposed": layers.exposed,
             "velocity": velocity,
             "master": layers.master,
         }

@@ -22,14 +22,14 @@ class Layers:
         position: cell centres [m], shape (n, d).
         wall: True for the first layer, False for the dummies behind it, shape (n,).
         to_surface: vector [m] from the row to the nearest point of the wetted surface, shape (n, d).
-        face_area: for a wall row the area [m^(d-1)] of the surface for which it stands, else 0, shape (n,).
+        exposed: faces of the row's cell beyond which its body has no row, as `exposed_faces` numbers them, shape (n,).
         master: for a dummy the index of the wall row that it copies, for a wall row its own, shape (n,).
     """
 
     position: NDArray[np.float64]
     wall: NDArray[np.bool_]
     to_surface: NDArray[np.float64]
-    face_area: NDArray[np.float64]
+    exposed: NDArray[np.int32]
     master: NDArray[np.int64]
 
 
@@ -83,46 +83,26 @@ def wall_layers(shape: Shape, grid: Grid, layers: int, *, wetted: str) -> Layers
     if len(on):
         to_surface[on] = _ON * grid.spacing * _into_the_fluid(shape, position[on], sign, grid.spacing)
     wall = depth < 1.0 - 1e-6
-    area = np.where(wall, face_area(to_surface, grid.spacing), 0.0)
-    faced = np.flatnonzero((area > 0.0) & ~rim)
-    area[faced] *= _stretch(shape, position[faced], to_surface[faced], 0.25 * grid.spacing)
-    return Layers(position, wall, to_surface, area, masters(position, wall, to_surface))
+    return Layers(position, wall, to_surface, exposed_faces(cells), masters(position, wall, to_surface))
 
 
-def face_area(to_surface: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
-    """Return the area [m^(d-1)] of the surface for which rows of a wall layer on the lattice stand, shape (n,).
+def exposed_faces(cells: NDArray[np.int64]) -> NDArray[np.int32]:
+    """Return which faces of cells, shape (n, d), no other of them lies beyond, shape (n,).
 
-    Along the axis k of the largest part of its normal a plane is met by one row per column of cells, that
-    within |n_k| l0 behind it, whose share of the plane is l0^(d-1)/|n_k|. A row farther away, behind an
-    inner corner or edge, has no face.
+    A sum over faces, 4^k for the lower and 2 4^k for the upper one of axis k. Together they are the surface of the
+    cells, a closed one: their areas with their directions add up to nothing around a body.
     """
-    distance = np.linalg.norm(to_surface, axis=1)
-    steepest = np.abs(to_surface).max(axis=1) / np.where(distance > 0.0, distance, 1.0)
-    faced = (distance > 0.0) & (distance < (steepest - 1e-6) * spacing)
-    return np.where(faced, spacing ** (to_surface.shape[1] - 1) / np.where(faced, steepest, 1.0), 0.0)
-
-
-def _stretch(
-    shape: Shape, points: NDArray[np.float64], to_surface: NDArray[np.float64], step: float
-) -> NDArray[np.float64]:
-    """Return how many times as large a curved surface is as its parallel surface through a row, 1 where it is flat.
-
-    That is the determinant of the map to the nearest point along the surface, by central differences. Where
-    the map jumps, behind an outer edge, there is no curvature: 1.
-    """
-    d = points.shape[1]
-    normal = to_surface / np.linalg.norm(to_surface, axis=1, keepdims=True)
-    if d == 2:
-        tangents = [np.column_stack([-normal[:, 1], normal[:, 0]])]
-    else:
-        first = np.cross(normal, np.eye(3)[np.abs(normal).argmin(axis=1)])
-        first /= np.linalg.norm(first, axis=1, keepdims=True)
-        tangents = [first, np.cross(normal, first)]
-    slopes = [(shape.nearest(points + step * t) - shape.nearest(points - step * t)) / (2.0 * step) for t in tangents]
-    lengths = np.array([np.linalg.norm(slope, axis=1) for slope in slopes])
-    area = lengths[0] if d == 2 else np.linalg.norm(np.cross(slopes[0], slopes[1]), axis=1)
-    smooth = np.all((lengths > 0.5) & (lengths < 2.0), axis=0)
-    return np.where(smooth, area, 1.0)
+    lower = cells.min(axis=0, initial=0) - 1
+    size = cells.max(axis=0, initial=0) - lower + 2
+    numbers = np.ravel_multi_index(tuple((cells - lower).T), tuple(size))
+    known = np.sort(numbers)
+    strides = np.append(np.cumprod(size[:0:-1])[::-1], 1)
+    found = np.zeros(len(cells), dtype=np.int32)
+    for axis, stride in enumerate(strides):
+        for upper, beyond in enumerate((numbers - stride, numbers + stride)):
+            at = np.minimum(np.searchsorted(known, beyond), len(known) - 1)
+            found += np.int32(4**axis << upper) * (known[at] != beyond)
+    return found
 
 
 _ON = 1e-4

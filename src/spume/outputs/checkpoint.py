@@ -21,7 +21,7 @@ from spume.outputs.output import Output, Outputs, OutputSettings, RunLike
 from spume.problems import CaseError, Problem
 
 FILE = "checkpoint.h5"
-FORMAT = 1
+FORMAT = 2
 """Number of the layout; a file of another one is refused."""
 
 LARGEST_SHARE = 0.05

@@ -23,7 +23,7 @@ import scipy.sparse
 
 from spume import kernels, lanes
 from spume.lattice import Lattice
-from spume.pairs import ROW_BITS, Pairs, Signature, load, minimum_image, shared
+from spume.pairs import ROW_BITS, Pairs, PairView, Signature, load, minimum_image, shared
 from spume.particles import ANY, Field, Particles
 from spume.pressure.entries import Entries, arrays, matrix_type
 from spume.schemes.laplacian.base import Laplacian, Terms
@@ -57,6 +57,7 @@ class Equation:
         flux_share: (a, b, r), how much of x_i itself it takes off; None: nothing.
         pair_reads: fields of a and b that ``pair``, ``known`` and ``flux`` read.
         row_reads: fields of a that the others read.
+        pair_of: fields of a and b of which ``pair`` is made, for a Laplacian that leans on a gradient.
     """
 
     pair: Callable[..., Any]
@@ -70,6 +71,7 @@ class Equation:
     pair_reads: tuple[str, ...]
     row_reads: tuple[str, ...]
     image: Callable[..., Any] | None = None
+    pair_of: tuple[str, ...] = ()
 
 
 @kernels.func
@@ -114,9 +116,31 @@ def _imposed(a, b, r):  # type: ignore[no-untyped-def]
 PRESSURE = Equation(
     pair=_specific_volume, row=_own_volume, diagonal=_draw, right=_source, outside=_surface_value, known=_pressure,
     flux=_imposed, flux_share=None, pair_reads=("density", "pressure", "wall_acceleration"),
-    row_reads=("source", "surface_diagonal", "surface_value"), image=_own_volume,
+    row_reads=("source", "surface_diagonal", "surface_value"), image=_own_volume, pair_of=("density",),
 )  # fmt: skip
 """The pressure Poisson equation, div(grad(P)/rho) = source."""
+
+
+@kernels.func
+def across_densities(a, b):  # type: ignore[no-untyped-def]
+    """Return P_i + 2 rho_i/(rho_i + rho_j) (P_j - P_i): how a row sees the pressure of a neighbour in another fluid."""
+    value = b.value
+    if a.density != b.density:
+        value = a.value + 2.0 * a.density / (a.density + b.density) * (b.value - a.value)
+    return value
+
+
+@kernels.func
+def _seen(a, b, r):  # type: ignore[no-untyped-def]
+    return across_densities(a, b)
+
+
+BETWEEN_FLUIDS = PairView(_seen, ("value", "density"))
+"""Differences of pressure across an interface, as the pressure matrix counts them.
+
+What is continuous there is grad(P)/rho, not grad(P): a gradient of these, divided by rho_i, is the acceleration that
+the matrix, whose pairs have 2/(rho_i + rho_j), was solved for. In the sum P_i + P_j it is the pressure of the
+interface, so that the forces of a pair stay equal and opposite."""
 
 
 class LinearSystem:
@@ -343,15 +367,19 @@ def _assembly_kernel(
     factor = "pair(a, b)" if equation.image is None else f"qd.select(state[j] == {FLUX}, image(a), pair(a, b))"
     near_row = f"b = {loading_near.replace('Row(', 'Near(').format(row='j')}"
     nearest = minimum_image(periodic)
+    # What leans on a gradient is a sum of coefficients without the factor of their pair: that gradient is the one of
+    # the row's own fluid, also where the neighbour is of another.
+    lean = "c * r" if set(equation.pair_of) <= set(common) else "c * row(a) / factor * r"
     coefficients = [
         "r = position[j] - x",
         *nearest,
         "rr = r.dot(r)",
         near_row,
-        f"c = scale * coefficient(a, b, r, weight(qd.sqrt(rr), re)) * {factor}",
+        f"factor = {factor}",
+        "c = scale * coefficient(a, b, r, weight(qd.sqrt(rr), re)) * factor",
         f"c = qd.select((rr < re * re) & (state[j] != {ABSENT}), c, 0)",
         *(["c = qd.cast(qd.cast(c, entry), real)"] if value != real else []),
-        *(["lean += c * r"] if leaning else []),
+        *([f"lean += {lean}"] if leaning else []),
         f"total += qd.select(state[j] == {FLUX}, 0, c)",
     ]
     known_values = [

@@ -14,7 +14,7 @@ from spume.pairs import PairSum, pair_sums, row_map, row_term
 from spume.particles import ANY, FLUID, WALL, Field, Particles
 from spume.pressure.base import Solver
 from spume.pressure.components import COMPONENT
-from spume.pressure.matrix import SYSTEM_FIELDS, UNKNOWN
+from spume.pressure.matrix import BETWEEN_FLUIDS, SYSTEM_FIELDS, UNKNOWN
 from spume.pressure.multigrid import Multigrid
 from spume.schemes.collision.base import Collision
 from spume.schemes.collision.inelastic import Inelastic
@@ -70,6 +70,11 @@ def corrected(a, dt):  # type: ignore[no-untyped-def]
     return a.velocity - share * a.pressure_gradient
 
 
+@row_term(reads=("wall_velocity", "wall_acceleration"))
+def accelerated_wall(a, dt):  # type: ignore[no-untyped-def]
+    return a.wall_velocity + dt * a.wall_acceleration
+
+
 @row_term(reads=("position", "velocity", "velocity_before"))
 def moved_by_change(a, dt):  # type: ignore[no-untyped-def]
     return a.position + dt * (a.velocity - a.velocity_before)
@@ -90,11 +95,11 @@ def known_or_guess(a):  # type: ignore[no-untyped-def]
     return kernels.qd.select(a.row_state == UNKNOWN, a.pressure, a.surface_value)
 
 
-@row_term(reads=("number_density", "pressure_gradient"))
+@row_term(reads=("number_density", "pressure_gradient", "density"))
 def surface_value(a, n0, half, full):  # type: ignore[no-untyped-def]
     # What falls freely has no gradient and no pressure half a spacing inside. Iterated over the steps this settles
     # in a few: half of an error of the value comes back in the gradient. An impact must not raise it over rho g.
-    value = min(half * a.pressure_gradient.norm(), full)
+    value = min(half * a.pressure_gradient.norm(), full * a.density)
     # A flat surface has n/n0 of about 0.7. Spray and sheets hold no hydrostatic pressure at their centres.
     return value * min(max((a.number_density / n0 - 0.45) / 0.2, 0.0), 1.0)
 
@@ -165,7 +170,7 @@ class Step(Scheme, family="step"):
         domain.pairs.update(domain.particles)
         self.number_density(domain.lattice, domain.particles, domain.pairs)
         # Not the step's own model, which may want a time step or the images of a wall.
-        Corrected()(domain.lattice, domain.particles, domain.pairs, over=FLUID)
+        Corrected()(domain.lattice, domain.particles, domain.pairs, over=FLUID, view=BETWEEN_FLUIDS)
 
     def relative_speed(self, domain: Domain) -> float:
         """Return the largest relative speed of a fluid row and a neighbour [m/s], as far as both are surrounded."""
@@ -242,6 +247,12 @@ class Projection(Step):
             cautions.append(f"source {source.key!r} {found}")
         if found := self.gradient.caution():
             cautions.append(f"gradient {self.gradient.key!r} {found}")
+        if self.laplacian.completes and not self.free_surface.known:
+            cautions.append(
+                f"laplacian {self.laplacian.key!r} makes up for the neighbours missing at the surface, which "
+                f"free_surface {self.free_surface.key!r} puts into the matrix as well, so that water at rest has up "
+                "to a fifth too little pressure: choose distance, or corrected-vector with correction = 'lagged'"
+            )
         if not (self.free_surface.known or self.gradient.completes):
             cautions.append(
                 f"gradient {self.gradient.key!r} leaves out the neighbours missing at the surface, which free_surface "
@@ -282,11 +293,11 @@ def accelerate(domain: Domain, t: float, dt: float) -> None:
 
 
 def surface_pressure(step: Projection, domain: Domain, t: float) -> float:
-    """Return rho |g| l0/2 [Pa]: the pressure at the centres of a surface at rest, which lies l0/2 outside them."""
+    """Return |g| l0/2 [m^2/s^2]: the pressure over rho at the centres of a surface at rest, which lies l0/2 outside."""
     if step.surface_pressure == "zero":
         return 0.0
     g = float(np.linalg.norm(domain.gravity.at(t)))
-    return 0.5 * domain.density * g * domain.lattice.spacing
+    return 0.5 * g * domain.lattice.spacing
 
 
 def solve_pressure(step: Projection, domain: Domain, surface_pressure: float, dt2: float) -> dict[str, float]:

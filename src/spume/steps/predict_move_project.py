@@ -4,7 +4,7 @@ from typing import ClassVar, Literal
 
 from spume.domain import Domain
 from spume.pairs import row_map
-from spume.particles import FLUID, Field
+from spume.particles import FLUID, SOLID, Field
 from spume.schemes.free_surface.base import FreeSurface
 from spume.schemes.free_surface.number_density import LowNumberDensity
 from spume.schemes.gradient.base import Gradient
@@ -17,6 +17,7 @@ from spume.steps.base import (
     Projection,
     accelerate,
     accelerated,
+    accelerated_wall,
     copied_velocity,
     corrected,
     moved,
@@ -77,7 +78,12 @@ class PredictMoveProject(Projection, name="predict-move-project"):
             row_map(moved, particles, out="position", rows=FLUID, arguments=(dt,))
             for body in bodies:
                 body.move(particles, t + dt)
+            # What meets a wall meets it as it moves, not as the predictor accelerates its rows.
+            self.wall_model.neumann(particles, dt)
+            self.wall_model.rest(particles)
             self.collision(lattice, particles, pairs, dt)
+            if self.wall_model.predicted & SOLID:
+                row_map(accelerated_wall, particles, out="velocity", rows=SOLID, arguments=(dt,))
 
         with domain.stages("search"):
             removed += pairs.update(particles)

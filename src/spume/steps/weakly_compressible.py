@@ -11,6 +11,7 @@ from spume.domain import Domain
 from spume.pairs import pair_sum, pair_term, row_map, row_term
 from spume.particles import ANY, FLUID, WALL, Field
 from spume.schemes.gradient.base import Gradient
+from spume.schemes.gradient.corrected import Corrected
 from spume.schemes.gradient.sum import Sum
 from spume.schemes.shifting.base import Shifting
 from spume.schemes.shifting.none import Unshifted
@@ -30,10 +31,10 @@ def _scaled(a, total, scale):  # type: ignore[no-untyped-def]
     return scale * total / (a.density * a.speed_of_sound)
 
 
-@pair_term(reads=("pressure", "pressure_gradient", "density", "speed_of_sound"), finish=_scaled)
+@pair_term(reads=("pressure", "linear_gradient", "density", "speed_of_sound"), finish=_scaled)
 def smoothing(a, b, r, w, scale):  # type: ignore[no-untyped-def]
     # Without the mean gradient the weight of the water itself would drive density through the surface.
-    linear = 0.5 * (a.pressure_gradient + b.pressure_gradient).dot(r)
+    linear = 0.5 * (a.linear_gradient + b.linear_gradient).dot(r)
     return (b.pressure - a.pressure - linear) * w / r.dot(r)
 
 
@@ -47,7 +48,8 @@ class WeaklyCompressible(Step, name="weakly-compressible"):
 
     With the relative density s = rho'/rho of a row: P^k by Tait's equation; u^(k+1) = u^k + dt (a - grad P^k/rho);
     Ds/Dt = -s div u^(k+1) + delta l0 c0 2 d/n0 sum_j psi_ij W/r^2 / (rho c0^2),
-    psi_ij = P_j - P_i - (grad P_i + grad P_j) . r_ij/2 (Antuono 2010: diffusion that leaves linear pressures alone);
+    psi_ij = P_j - P_i - (grad P_i + grad P_j) . r_ij/2 with the corrected gradient over the fluid (Antuono 2010:
+    diffusion that leaves linear pressures alone, on any arrangement);
     r += dt u^(k+1), the symplectic Euler scheme, stable for waves of sound up to a Courant number of about one.
     Shakibaeinia & Jin take s = n/n0 of the positions, whose disorder is then pressure; here s follows from continuity.
     Walls: the pressure of solid rows is extrapolated from the fluid. Density errors are of the order of the
@@ -63,6 +65,7 @@ class WeaklyCompressible(Step, name="weakly-compressible"):
         Field("relative_density", (), "1", "density over that of the material at rest", initial=1.0, output=True,
               restart=True),
         Field("density_diffusion", (), "1/s", "rate of the relative density by diffusion"),
+        Field("linear_gradient", ("d",), "Pa/m", "gradient of the pressure, exact for linear ones"),
         Field("speed_of_sound", (), "m/s", "speed of sound, the same for all rows", restart=True),
     )  # fmt: skip
 
@@ -138,11 +141,12 @@ class WeaklyCompressible(Step, name="weakly-compressible"):
                 row_map(not_negative, particles, out="pressure", rows=rows)
             self.wall_model.neumann(particles, dt)
             self.wall_model.extrapolate(lattice, particles, pairs)
-            self.gradient(lattice, particles, pairs, over=self.wall_model.carriers, dt=dt)
+            self.gradient(lattice, particles, pairs, over=self.wall_model.carriers, dt=dt, moved=False)
             row_map(corrected, particles, out="velocity", rows=FLUID, arguments=(dt,))
             self.wall_model.rest(particles)
         with domain.stages("density"):
             model = self.number_density
+            Corrected()(lattice, particles, pairs, out="linear_gradient", over=FLUID)
             pair_sum(
                 smoothing, particles, pairs, out="density_diffusion", weight=model.weight, re=model.radius(lattice),
                 over=FLUID,

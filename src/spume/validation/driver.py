@@ -78,7 +78,7 @@ class Verdict:
 def settings_of(run: Run) -> list[str]:
     """Return all keys that a run replaces in its case.
 
-    A repetition takes steps that are 2, 4, … % longer or shorter. Runs that differ in rounding alone are the same until
+    A repetition takes steps that are 1, 2, … % longer or shorter. Runs that differ in rounding alone are the same until
     the impact, and what the first one makes of it they all do.
     """
     from spume.case import load
@@ -86,7 +86,7 @@ def settings_of(run: Run) -> list[str]:
     chosen = [*_COMMON, *run.settings]
     if run.repeat == 0:
         return chosen
-    factor = 1.0 + 0.02 * ((run.repeat + 1) // 2) * (1 if run.repeat % 2 else -1)
+    factor = 1.0 + 0.01 * ((run.repeat + 1) // 2) * (1 if run.repeat % 2 else -1)
     time = load(run.case, chosen).time
     return [*chosen, f"time.courant={factor * time.courant:.4g}", f"time.travel={factor * time.travel:.4g}"]
 

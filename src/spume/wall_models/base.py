@@ -6,7 +6,7 @@ from spume import kernels
 from spume.lattice import Lattice
 from spume.pairs import Pairs, PairSum, PairView, pair_sums, pair_term, row_map, row_term
 from spume.particles import DUMMY, FLUID, SOLID, WALL, Field, Particles
-from spume.pressure.matrix import ABSENT, KNOWN, UNKNOWN
+from spume.pressure.matrix import ABSENT, BETWEEN_FLUIDS, KNOWN, UNKNOWN
 from spume.schemes.operator import Operator
 from spume.wall_models.slip import SLIP_FIELDS, image_velocities
 
@@ -79,17 +79,22 @@ class WallModel(Operator, family="wall_model"):
         )
 
     def neumann(self, particles: Particles, dt: float) -> None:
-        """Write ``wall_acceleration`` [m/s^2] of solid rows: here that of the frame, as of a wall at rest in it."""
-        row_map(acceleration_at_rest, particles, out="wall_acceleration", rows=SOLID)
+        """Write ``wall_acceleration`` [m/s^2] of solid rows: here that of the frame, as of a wall at rest in it.
 
-    def view(self, dt: float, of_normals: bool = False) -> PairView | None:
-        """Return how a fluid row sees the pressure of a solid row, if not as the field says.
+        The source then sees them move as their wall does at the end of the step.
+        """
+        row_map(acceleration_at_rest, particles, out="wall_acceleration", rows=SOLID)
+        self.rest(particles)
+
+    def view(self, dt: float, of_normals: bool = False) -> PairView:
+        """Return how a fluid row sees the pressure of a neighbour: here as the field says, across an interface as in
+        `BETWEEN_FLUIDS`.
 
         Args:
             dt: time that the pressure acts [s].
             of_normals: whether the gradient can do with how the pressure changes along a wall's normal.
         """
-        return None
+        return BETWEEN_FLUIDS
 
     def show_slip(self, lattice: Lattice, particles: Particles, pairs: Pairs) -> None:
         """Write ``slip_velocity`` of every row, for viscosity."""

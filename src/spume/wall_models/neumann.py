@@ -6,7 +6,7 @@ from spume import kernels
 from spume.lattice import Lattice
 from spume.pairs import Pairs, PairView, pair_sum, pair_term, row_map, row_term
 from spume.particles import ANY, DUMMY, FLUID, SOLID, WALL, Field, Particles
-from spume.pressure.matrix import FLUX
+from spume.pressure.matrix import FLUX, across_densities
 from spume.wall_models.base import WALL_FIELDS, WallModel
 
 
@@ -17,7 +17,7 @@ def imposed_acceleration(a, dt):  # type: ignore[no-untyped-def]
 
 @kernels.func
 def pressure_of_image(a, b, r, dt):  # type: ignore[no-untyped-def]
-    value = b.value
+    value = across_densities(a, b)
     if b.kind != FLUID:
         normal = b.to_surface.normalized(1e-30)
         change = b.velocity - b.wall_velocity + (a.velocity - b.velocity).dot(normal) * normal
@@ -27,7 +27,7 @@ def pressure_of_image(a, b, r, dt):  # type: ignore[no-untyped-def]
 
 @kernels.func
 def pressure_along_normal(a, b, r, dt):  # type: ignore[no-untyped-def]
-    value = b.value
+    value = across_densities(a, b)
     if b.kind != FLUID:
         normal = b.to_surface.normalized(1e-30)
         value = a.value + a.density / dt * (a.velocity - b.wall_velocity).dot(normal) * r.dot(normal)

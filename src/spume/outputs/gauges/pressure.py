@@ -122,34 +122,15 @@ class Pressure(Riding, name="pressure"):
         return points[~_behind_a_wall(snapshot, points, centre)]
 
 
-def wet_rows(snapshot: Snapshot, rows: NDArray[np.intp], fluid: NDArray[np.intp] | None = None) -> NDArray[np.bool_]:
-    """Return which of these rows have fluid within 1.5 l0, shape (len(rows),); arguments as of `nearest_fluid`."""
-    return nearest_fluid(snapshot, rows, fluid) >= 0
-
-
-def nearest_fluid(
-    snapshot: Snapshot, rows: NDArray[np.intp], fluid: NDArray[np.intp] | None = None
-) -> NDArray[np.intp]:
-    """Return the fluid row nearest to each of these rows, shape (len(rows),), -1 where none is within 1.5 l0.
-
-    Args:
-        snapshot: the state.
-        rows: row numbers.
-        fluid: the fluid rows to look at, where the caller knows which can be near.
-    """
+def wet_rows(snapshot: Snapshot, rows: NDArray[np.intp], fluid: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Return which of these rows have one of the given fluid rows within 1.5 l0, shape (len(rows),)."""
     from scipy.spatial import cKDTree
 
     position = np.asarray(snapshot["position"], dtype=float)
-    if fluid is None:
-        tree = snapshot.derived("fluid tree", lambda s: cKDTree(position[s.fluid]))
-        fluid = np.flatnonzero(snapshot.fluid)
-    else:
-        tree = cKDTree(position[fluid])
-    if len(rows) == 0 or tree.n == 0:
-        return np.full(len(rows), -1)
-    distance, found = tree.query(position[rows], distance_upper_bound=_REACH * snapshot.spacing)
-    near = np.isfinite(distance)
-    return np.where(near, fluid[np.where(near, found, 0)], -1)
+    if len(rows) == 0 or len(fluid) == 0:
+        return np.zeros(len(rows), dtype=bool)
+    distance, _ = cKDTree(position[fluid]).query(position[rows], distance_upper_bound=_REACH * snapshot.spacing)
+    return np.isfinite(distance)
 
 
 def point_pressure(

@@ -29,9 +29,10 @@ def mostly(a):  # type: ignore[no-untyped-def]
 class Blended(FreeSurface, name="blended"):
     """A row belongs to the surface by the share theta = (upper - n/n0)/(upper - lower), limited to 0 … 1.
 
-    The pressure matrix draws a row towards the surface pressure with a weight that grows from nothing to
-    a Dirichlet condition as theta goes from 0 to 1. No row jumps between unknown and known from one step
-    to the next, which is where much of the noise of a sharp detection comes from. (This project.)
+    The pressure matrix draws a row towards the surface pressure with a weight that grows with theta, from nothing
+    to about the row's own diagonal at theta = 1/2; with more than that the row has the surface pressure itself. A
+    row that comes and goes from one step to the next changes its pressure by half of what a sharp detection
+    changes, which is where much of such noise comes from. (This project.)
     """
 
     ids: ClassVar[tuple[str, ...]] = ("E1",)

@@ -35,9 +35,11 @@ class DetectionFree(FreeSurface, name="detection-free"):
     outputs) how much is missing. No row jumps between known and unknown; but the surface lies a whole spacing
     outside the outermost centres, and disorder inside, where n < n0 by chance, is drawn to P = 0 as well.
 
-    The gradient must count the missing neighbours as the matrix does: ``completed`` and ``dummy-neighbour`` do. One
-    that does not, ``minimum`` say, lifts the rows of a flat surface with half of the pressure's slope. They fall, and
-    the matrix answers by raising their pressure, which is unknown here, and with it that of all the water below.
+    The gradient must count the missing neighbours too: ``dummy-neighbour`` does it nearly as the matrix (1.07 of the
+    gradient of a pressure that vanishes a spacing outside a flat surface), ``completed`` takes them to be half a
+    spacing outside (1.5), so that the surface settles three quarters of one outside. One that does not, ``minimum``
+    say, lifts the rows of a flat surface with half of the pressure's slope. They fall, and the matrix answers by
+    raising their pressure, which is unknown here, and with it that of all the water below.
     """
 
     ids: ClassVar = ("E7",)

@@ -36,12 +36,12 @@ class Imaged(Blended, name="imaged"):
     of the images and delta_i the distance of the row from the surface, l0/2 where the arrangement is the lattice
     (`surface_images`). Along b_i a pressure that vanishes at delta_i outside has the slope P_i/delta_i, so the image's
     part is 2 b_i . (P_i/delta_i) b_i/|b_i|: exact for such a linear pressure however the surface rows lie, with the
-    Laplacian ``distance`` and those made from it. No surface row has a pressure from the step before, and all keep
-    the volume: the surface follows the fluid instead of trembling. Inside the fluid b_i is small, so a row that is
-    taken for a surface by its low n is hardly drawn. Thin sheets and single rows, where b_i cancels, are held by the
-    number of the neighbours they miss. Rows with walls around them and less than a fifth of their n from fluid are
-    drawn to the surface's pressure, the more the less fluid is there. Gradient: ``imaged``; the source
-    ``divergence-density`` counts the images in n. (This project.)
+    Laplacian ``distance``, alone or with the lagged correction. No surface row has a pressure from the step before,
+    and all keep the volume: the surface follows the fluid instead of trembling. Inside the fluid b_i is small, so a
+    row that is taken for a surface by its low n is hardly drawn. Thin sheets and single rows, where b_i cancels,
+    are held by the number of the neighbours they miss. Rows with walls around them and less than a fifth of their n
+    from fluid are drawn to the surface's pressure, the more the less fluid is there. Gradient: ``imaged``; the
+    source ``divergence-density`` counts the images in n. (This project.)
     """
 
     ids: ClassVar[tuple[str, ...]] = ()

@@ -19,8 +19,8 @@ class Terms:
         reads: fields of a and b that the coefficient reads.
         diagonal: d(a) of a row: missing neighbours beyond the free surface, which carry the value of the
             surroundings. Only a system that knows such a value takes it (the pressure does, a velocity does not).
-        rhs: f(a, lean) of a row, with lean = sum_j c_ij r_ij as it stands in the matrix: what the right
-            side of the pressure's system receives.
+        rhs: f(a, lean) of a row, with lean = 1/rho_i sum_j c_ij r_ij and c_ij without the 1/rho_ij of the pair: what
+            the right side of the pressure's system receives.
         row_reads: fields of a that ``diagonal`` and ``rhs`` read.
     """
 
@@ -36,6 +36,8 @@ class Laplacian(Operator, family="laplacian"):
 
     symmetric: ClassVar[bool]
     """Whether c_ij = c_ji, so that the matrix is symmetric and a diffused quantity is conserved."""
+    completes: ClassVar[bool] = False
+    """Whether its coefficients make up themselves for the neighbours that a row of the free surface misses."""
 
     def terms(self) -> Terms:
         """Return the formulas; the same objects each time, so that they compile once."""

@@ -98,6 +98,11 @@ class CorrectedVector(Laplacian, name="corrected-vector"):
         """Whether the matrix is symmetric: with the lagged correction."""
         return self.correction == "lagged"
 
+    @property
+    def completes(self) -> bool:  # type: ignore[override]
+        """Whether its coefficients make up for missing neighbours: with the full correction."""
+        return self.correction == "full"
+
     def terms(self) -> Terms:
         """Return the formulas of the base model, corrected."""
         return _TERMS[self.base, self.correction]

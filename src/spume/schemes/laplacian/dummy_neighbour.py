@@ -79,6 +79,7 @@ class DummyNeighbour(Laplacian, name="dummy-neighbour"):
     reference: ClassVar = "liu2018"
     order: ClassVar = 1
     symmetric: ClassVar = False
+    completes: ClassVar = True
     needs: ClassVar[tuple[Field, ...]] = (CORRECTION, SURFACE_SHARE, LACK, INSIDE_VECTOR, OUTSIDE_WEIGHT)
 
     largest_condition: float = Parameter(default=1e3, gt=1.0)

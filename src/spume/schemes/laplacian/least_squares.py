@@ -36,6 +36,7 @@ class LeastSquares(Laplacian, name="least-squares"):
     reference: ClassVar = "tamai2014"
     order: ClassVar = 2
     symmetric: ClassVar = False
+    completes: ClassVar = True
     needs: ClassVar[tuple[Field, ...]] = (LAPLACIAN_VECTOR, FIT_DEGREE)
 
     weight: Weight = Quadratic()

@@ -34,6 +34,7 @@ class SecondOrder(Laplacian, name="second-order"):
     reference: ClassVar = "duan2019"
     order: ClassVar = 2
     symmetric: ClassVar = False
+    completes: ClassVar = True
     needs: ClassVar[tuple[Field, ...]] = (LAPLACIAN_VECTOR, FIT_DEGREE)
 
     re: float = Parameter(default=3.1, ge=1.9, le=6.0)

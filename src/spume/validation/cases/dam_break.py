@@ -79,8 +79,8 @@ def _measured(sensor: int) -> Mapping[str, Curve]:
     return {"measured": (full[0][inside], full[1][inside])}
 
 
-REPEATS = 10
-"""Runs at the resolution that is judged: the impact of a thin tip is chaotic, single runs scatter by 0.02 ρgH."""
+REPEATS = 20
+"""Runs at the resolution that is judged: the impact of a thin tip is chaotic, single runs scatter by 0.02 … 0.04."""
 
 
 def of(case: str, number: str, sizes: tuple[int, ...], quick: tuple[int, ...], judged: bool) -> Study:
