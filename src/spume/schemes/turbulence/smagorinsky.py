@@ -7,7 +7,7 @@ from pydantic import Field as Parameter
 from spume.lattice import Lattice
 from spume.pairs import Pairs, PairSum, pair_sums, pair_term, row_map, row_term
 from spume.particles import FLUID, Field, Particles
-from spume.schemes.correction import SECOND_MOMENT, inverse_or_identity, second_moment_sum, symmetric_matrix
+from spume.schemes.correction import SECOND_MOMENT, floored_inverse, second_moment_sum, symmetric_matrix
 from spume.schemes.turbulence.base import EFFECTIVE_VISCOSITY, Turbulence
 
 SLIP_GRADIENT = Field(
@@ -22,8 +22,8 @@ def dyad(a, b, r, w):  # type: ignore[no-untyped-def]
 
 
 @row_term(reads=("slip_gradient", "second_moment", "kinematic_viscosity"))
-def with_eddies(a, scale, largest_condition, square):  # type: ignore[no-untyped-def]
-    correction = inverse_or_identity(scale * symmetric_matrix(a.second_moment), largest_condition)
+def with_eddies(a, scale, floor, square):  # type: ignore[no-untyped-def]
+    correction = floored_inverse(scale * symmetric_matrix(a.second_moment), floor)
     gradient = scale * a.slip_gradient @ correction
     strain = 0.5 * (gradient + gradient.transpose())
     return a.kinematic_viscosity + square * (2.0 * strain.norm_sqr()) ** 0.5
@@ -33,7 +33,8 @@ class Smagorinsky(Turbulence, name="smagorinsky"):
     """nu_t = (C_s l0)^2 |S|, |S| = (2 S_ij S_ij)^(1/2), S the rate of strain (Smagorinsky 1963; MPS-LES).
 
     The filter is the particle spacing. S comes from the corrected velocity gradient, so it is exact for linear fields
-    on any arrangement, and solid rows take part with the velocity of their image. No damping at walls: the mixing
+    on any arrangement inside the fluid; rows in spray, whose neighbours say little of a gradient, have a smaller one and
+    with it hardly any eddies. Solid rows take part with the velocity of their image. No damping at walls: the mixing
     length C_s l0 could only be cut by the wall's kappa y, kappa = 0.41, and the first row stands at y = l0/2, where
     kappa y = 0.2 l0 is not less than C_s l0 for any usual C_s. A free surface is no wall: |S| is what its rows see.
     """
@@ -44,8 +45,8 @@ class Smagorinsky(Turbulence, name="smagorinsky"):
 
     constant: float = Parameter(default=0.15, gt=0.0, le=0.25)
     """C_s [1]: 0.1 in channels, 0.12 to 0.15 in breaking waves, 0.17 in isotropic turbulence."""
-    largest_condition: float = Parameter(default=1e3, gt=1.0)
-    """Largest condition number of the gradient's matrix; above it a row falls back to C = I [1]."""
+    floor: float = Parameter(default=0.3, gt=0.0, le=1.0)
+    """Least eigenvalue of the gradient's matrix that is inverted [1]."""
 
     def sums(self, lattice: Lattice) -> tuple[PairSum, ...]:
         """Return the second moment of the neighbours, and the sum that the velocity's gradient is made of."""
@@ -58,7 +59,7 @@ class Smagorinsky(Turbulence, name="smagorinsky"):
         """Write ``effective_viscosity`` of fluid rows."""
         pair_sums(self.sums(lattice), particles, pairs)
         scale, square = lattice.dimension / self.n0(lattice), (self.constant * lattice.spacing) ** 2
-        row_map(with_eddies, particles, out=EFFECTIVE_VISCOSITY.name, arguments=(scale, self.largest_condition, square))
+        row_map(with_eddies, particles, out=EFFECTIVE_VISCOSITY.name, arguments=(scale, self.floor, square))
         return EFFECTIVE_VISCOSITY.name
 
     def largest(self, particles: Particles) -> float:
