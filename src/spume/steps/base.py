@@ -190,7 +190,7 @@ class Step(Scheme, family="step"):
 
     def largest_radius(self) -> float:
         """Return the largest effective radius of any operator, as a multiple of l0."""
-        return max(scheme.re for scheme in nested(self) if isinstance(scheme, Operator))
+        return max(scheme.re for scheme in nested(self) if isinstance(scheme, Operator) and "re" not in scheme.unused)
 
 
 class Projection(Step):
@@ -203,7 +203,10 @@ class Projection(Step):
     solver: Solver = Multigrid()
     """Linear solver."""
     surface_pressure: Literal["half-cell", "zero"] = "half-cell"
-    """Pressure at the centres of surface rows: l0/2 times the last pressure gradient there (rho |g| at most), or 0."""
+    """Pressure at the centres of surface rows: l0/2 times the last pressure gradient there (rho |g| at most), or 0.
+
+    Of a ``free_surface`` with a known pressure; ``imaged`` and ``detection-free`` solve for it.
+    """
 
     instants: ClassVar[tuple[str, ...]] = ("k", "*")
     """Instants at which the step can evaluate a source."""
@@ -226,6 +229,11 @@ class Projection(Step):
                 f"free_surface {self.free_surface.key!r} with source {self.source.key!r}: neighbours missing at the "
                 "surface would be taken for a stretched fluid; choose the source divergence or "
                 "divergence-density, or a free_surface with a known pressure, such as blended"
+            )
+        if not self.free_surface.known and self.surface_pressure != type(self).model_fields["surface_pressure"].default:
+            raise ValueError(
+                f"surface_pressure has no effect with free_surface {self.free_surface.key!r}, which solves for it: "
+                "leave it out, or choose a free_surface with a known pressure, such as blended"
             )
         if self.solver.symmetric_only and not self.laplacian.symmetric:
             raise ValueError(

@@ -52,7 +52,10 @@ class PredictMoveProject(Projection, name="predict-move-project"):
     negative_pressure: bool = False
     """Keep negative pressures; false clips them to zero, as the original method does."""
     surface_pressure: Literal["half-cell", "zero"] = "zero"
-    """Pressure at the centres of surface rows: l0/2 times the last pressure gradient there (rho |g| at most), or 0."""
+    """Pressure at the centres of surface rows: l0/2 times the last pressure gradient there (rho |g| at most), or 0.
+
+    Of a ``free_surface`` with a known pressure; ``imaged`` and ``detection-free`` solve for it.
+    """
     shifting: Shifting = Unshifted()
     """Particle shifting."""
 

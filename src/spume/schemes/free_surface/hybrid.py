@@ -28,6 +28,7 @@ class Hybrid(FreeSurface, name="hybrid"):
 
     ids: ClassVar = ("E6",)
     reference: ClassVar = "wang2019"
+    unused: ClassVar = {"weight": "the kernel of div r is Wendland's, and the scan asks where neighbours lie"}
     needs: ClassVar = (SURFACE_SHARE, POSITION_DIVERGENCE, *SCAN_FIELDS)
 
     share: float = Parameter(default=0.9, gt=0.0, le=1.5)
