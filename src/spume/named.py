@@ -188,8 +188,8 @@ class Scheme(Parameters):
     """Key that holds the scheme's name in a table: ``name``, or ``kind`` where ``name`` is a label."""
     ids: ClassVar[tuple[str, ...]] = ()
     """Rows of the review's table of systems (``A1`` … ``L11``) that this scheme implements."""
-    reference: ClassVar[str] = ""
-    """Key of the publication in ``src/spume/references.bib``."""
+    reference: ClassVar[str | tuple[str, ...]] = ()
+    """Key of its publication in ``src/spume/references.bib``, or of several; none for a model of this project."""
     order: ClassVar[int | None] = None
     """Degree of the polynomials reproduced on any arrangement of particles; None where it has no meaning."""
     conserves: ClassVar[frozenset[str]] = frozenset()
@@ -215,6 +215,17 @@ class Scheme(Parameters):
         if errors:
             raise ValidationError.from_exception_data(type(self).__name__, errors)
         return self
+
+    @classmethod
+    def publications(cls) -> tuple[str, ...]:
+        """Return the keys of the publications that it comes from, whatever its parameters."""
+        if isinstance(cls.reference, tuple):
+            return cls.reference
+        return (cls.reference,) if cls.reference else ()
+
+    def cited(self) -> tuple[str, ...]:
+        """Return the keys of the publications that it rests on with its parameters."""
+        return self.publications()
 
     def needed(self) -> tuple[Any, ...]:
         """Return the fields of the particle table that the scheme needs with its parameters."""

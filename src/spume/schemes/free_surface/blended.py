@@ -35,7 +35,7 @@ class Blended(FreeSurface, name="blended"):
     """
 
     ids: ClassVar[tuple[str, ...]] = ("E1",)
-    reference: ClassVar = "koshizuka1996"
+    reference: ClassVar[str | tuple[str, ...]] = "koshizuka1996"
     unused: ClassVar = JUDGES_N
 
     upper: float = Parameter(default=0.9, gt=0.5, le=1.0)

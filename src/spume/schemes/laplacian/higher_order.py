@@ -45,7 +45,7 @@ class HigherOrder(Laplacian, name="higher-order"):
     """
 
     ids: ClassVar[tuple[str, ...]] = ("C2", "C3")
-    reference: ClassVar = "khayyer2010"
+    reference: ClassVar = ("khayyer2010", "khayyer2012")
     order: ClassVar = 0
     conserves: ClassVar = frozenset({"flux"})
     symmetric: ClassVar = True

@@ -37,7 +37,7 @@ class Fickian(Diffusive, name="fickian"):
     """
 
     ids: ClassVar[tuple[str, ...]] = ("D1",)
-    reference: ClassVar = "xu2009"
+    reference: ClassVar[str | tuple[str, ...]] = "xu2009"
     needs: ClassVar = (*Diffusive.needs, SURFACE_SHARE)
 
     strength: float = Parameter(default=0.1, ge=0.0, le=1.0)

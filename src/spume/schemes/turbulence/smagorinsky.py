@@ -30,7 +30,7 @@ def with_eddies(a, scale, largest_condition, square):  # type: ignore[no-untyped
 
 
 class Smagorinsky(Turbulence, name="smagorinsky"):
-    """nu_t = (C_s l0)^2 |S|, |S| = (2 S_ij S_ij)^(1/2), S the rate of strain (Smagorinsky 1963; MPS-LES).
+    """nu_t = (C_s l0)^2 |S|, |S| = (2 S_ij S_ij)^(1/2), S the rate of strain (Smagorinsky 1963; in MPS: Pan 2012).
 
     The filter is the particle spacing. S comes from the corrected velocity gradient, so it is exact for linear fields
     on any arrangement, and solid rows take part with the velocity of their image. No damping at walls: the mixing
@@ -39,7 +39,7 @@ class Smagorinsky(Turbulence, name="smagorinsky"):
     """
 
     ids: ClassVar = ("A6",)
-    reference: ClassVar = "smagorinsky1963"
+    reference: ClassVar = ("smagorinsky1963", "pan2012")
     needs: ClassVar[tuple[Field, ...]] = (EFFECTIVE_VISCOSITY, SLIP_GRADIENT, SECOND_MOMENT)
 
     constant: float = Parameter(default=0.15, gt=0.0, le=0.25)
