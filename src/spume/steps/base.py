@@ -246,7 +246,7 @@ class Projection(Step):
         """Return which two models do not fit each other, though they can be computed together, or nothing."""
         cautions = []
         source = self.source
-        if found := self.laplacian.caution(source.of_slope, self.number_density.re, not source.from_velocity):
+        if found := self.laplacian.caution(source.of_slope, self.number_density, not source.from_velocity):
             cautions.append(f"source {source.key!r} {found}")
         if found := self.gradient.caution():
             cautions.append(f"gradient {self.gradient.key!r} {found}")
