@@ -57,8 +57,7 @@ def page(family: str) -> str:
         parameters = rows(scheme_table(scheme), UP)
         if parameters:
             parts.append(parameters)
-        if scheme.reference:
-            parts.append(f"Source: {books[scheme.reference]}")
+        parts += [f"Source: {books[key]}" for key in scheme.publications()]
     return "\n\n".join(parts) + "\n"
 
 

@@ -140,6 +140,7 @@ WHOLE = ("by_both_stages", "class_of_row", "state_of")
 
 EQUIVALENT = {
     ("free_surface/asymmetry.py", "sign of offset"): "only the length of the sum counts",
+    ("free_surface/hybrid.py", "factor of candidate"): "only whether it is positive counts",
     ("free_surface/umbrella.py", "factor of _found"): "what is compared with 1/2 is 0 or 1",
     ("free_surface/umbrella.py", "factor of in_cone"): "what is compared with 1/2 is 0 or 1",
     ("free_surface/vector.py", "sign of _scaled"): "only the length of the sum counts",

@@ -34,6 +34,50 @@ def test_a_scheme_within_a_scheme_is_cited():
     assert {"smagorinsky1963", "wendland1995"} <= set(keys(spume.cite(case)))
 
 
+def cited(*overrides):
+    return keys(spume.cite(spume.load("dam-break", overrides)))
+
+
+@pytest.mark.parametrize(
+    ("override", "key"),
+    [
+        ("step.laplacian='higher-order'", "khayyer2010"),
+        ("step.laplacian='higher-order'", "khayyer2012"),
+        ("step.viscosity.turbulence='smagorinsky'", "pan2012"),
+        ("step='weakly-compressible'", "antuono2010"),
+        ("step.shifting='fickian-along-surface'", "xu2009"),
+        ("step.shifting='fickian-along-surface'", "lind2012"),
+        ("spacing=0.006", "lee2011"),  # of any case with walls
+    ],
+)
+def test_every_publication_of_a_model_is_cited(override, key):
+    assert key in cited("step.collision='none'", override)
+
+
+@pytest.mark.parametrize(
+    ("step", "key"),
+    [
+        ("{name='predict-move-project', source={name='density', compressibility=C}}", "ikeda2001"),
+        ("{name='predict-move-project', source={name='three-term', compressibility=C}}", "khayyer2016"),
+        ("{source={name='divergence-density', compressibility=C}}", "khayyer2016"),
+    ],
+)
+def test_compressibility_is_cited_where_there_is_one(step, key):
+    assert key in cited("step=" + step.replace("C", "4.5e-10"))
+    assert not {"ikeda2001", "khayyer2016"} & set(cited("step=" + step.replace("C", "0.0")))
+
+
+def test_models_of_this_project_are_not_ascribed_to_others():
+    """What is cited is what a model comes from; Spume itself always is."""
+    others = "viscosity='none', shifting='none', collision='none', wall_model='resting', source='divergence'"
+    plain = f"step={{name='project-in-place', {others}}}"
+    text = spume.cite(spume.load("hydrostatic", [plain]))
+    for what in ("free surface 'imaged'", "gradient 'imaged'", "weight 'isochoric'"):
+        assert what not in text
+    assert not {"liu2018", "pan2008"} & set(keys(text))
+    assert "divergence 'bounded'" in text, "the matrix of Khayyer & Gotoh"
+
+
 def test_a_run_is_cited_with_the_version_that_computed_it(tmp_path):
     folder = tmp_path / "run"
     folder.mkdir()

@@ -26,6 +26,7 @@ from reference.shapes import SHAPES, Water
 from spume.citation import bibliography
 from spume.cli import app
 from spume.named import find
+from spume.problems import CaseError
 
 DOCS = Path(__file__).parents[1] / "docs"
 sys.path.append(str(DOCS))
@@ -63,6 +64,14 @@ def test_attributes_are_the_claims(name):
     assert scheme.order == claim(name).get("order"), "order"
     assert scheme.conserves == set(claim(name).get("conserves", [])), "conserves"
     assert sorted(scheme.ids) == sorted(claim(name).get("ids", [])), "ids"
+
+
+@pytest.mark.parametrize("name", [n for n, scheme in SCHEMES.items() if "largest_condition" in scheme.model_fields])
+def test_no_matrix_is_better_conditioned_than_the_unit_matrix(name):
+    """A largest condition number of 1 or less would turn every correction off."""
+    for wrong in (1.0, 0.0, -1e3):
+        with pytest.raises(CaseError, match=r"largest_condition = .*: must be greater than 1"):
+            SCHEMES[name](largest_condition=wrong)
 
 
 # --------------------------------------------------------------------------------------------------- values
@@ -417,10 +426,10 @@ def test_the_double_loops_import_nothing_of_spume():
 
 @pytest.mark.parametrize(("family", "row"), PAIRS)
 def test_every_row_of_the_review_can_be_selected(family, row, listed):
-    """``spume schemes`` lists a model of the right family for it, whose publication is in the bibliography."""
+    """``spume schemes`` lists a model of the right family for it, whose publications are in the bibliography."""
     chosen = [scheme for scheme in listed if row in scheme["ids"] and scheme["family"] == family]
     assert chosen, f"no {family} has the id {row}"
-    assert [s["name"] for s in chosen if s["source"] not in bibliography()] == []
+    assert [s["name"] for s in chosen if not s["sources"] or set(s["sources"]) - set(bibliography())] == []
 
 
 def test_the_rows_of_the_review_are_34(listed):

@@ -128,7 +128,7 @@ def test_schemes(call):
     listed = json.loads(call("schemes", "--json").output)
     families = {scheme["family"] for scheme in listed}
     assert {"weight", "gradient", "step", "shape", "gauge", "gravity", "initial", "body"} <= families
-    assert all({"family", "name", "ids", "source", "order", "conserves"} <= set(scheme) for scheme in listed)
+    assert all({"family", "name", "ids", "sources", "order", "conserves"} <= set(scheme) for scheme in listed)
     only = json.loads(call("schemes", "--json", "--family", "gradient").output)
     assert {scheme["family"] for scheme in only} == {"gradient"}
     assert "gradient" in call("schemes").output

@@ -8,6 +8,7 @@ import pytest
 import spume.case  # noqa: F401 - defines every family of a case file
 from spume.named import load_all, schemes
 from spume.particles import BASE_FIELDS
+from spume.pressure import matrix
 
 DOCS = Path(__file__).parents[1] / "docs"
 
@@ -34,6 +35,16 @@ def test_every_scheme_has_its_system_marked():
 def test_base_fields_are_in_the_notation():
     text = (DOCS / "notation.md").read_text("utf-8")
     assert [field.name for field in BASE_FIELDS if f"`{field.name}`" not in text] == []
+
+
+def test_states_of_rows_are_in_the_notation():
+    text = (DOCS / "notation.md").read_text("utf-8")
+    table = text.split("## Rows of a linear system")[1].split("\n\n")[1]
+    described = re.findall(r"^\| `([A-Z]+)` \|", table, re.MULTILINE)
+    states = {name: value for name, value in vars(matrix).items() if name.isupper() and isinstance(value, int)}
+    states = {name: value for name, value in states.items() if value < 4}
+    assert sorted(states.values()) == [0, 1, 2, 3]
+    assert sorted(described) == sorted(states)
 
 
 @pytest.mark.skipif(not (DOCS.parent / "validation").exists(), reason="no validation folder beside the tests")

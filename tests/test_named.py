@@ -188,3 +188,29 @@ def test_a_misspelt_key_does_not_lose_the_folder_of_the_files(tmp_path):
 )
 def test_nearest_match(word, known, answer):
     assert named.nearest_match(word, known) == answer
+
+
+def test_what_a_scheme_does_not_use_is_no_key_of_its_table():
+    class Peeled(Apple, name="peeled"):
+        unused: ClassVar = {"spots": "they are on the peel"}
+
+    assert Peeled.table_keys() == ("weight",)
+    assert named.to_table(Peeled()) == {"kind": "peeled", "weight": 0.2}
+    assert Bowl(fruit={"kind": "peeled", "spots": []}).fruit == Peeled()
+    with pytest.raises(ValidationError) as caught:
+        Bowl.model_validate({"fruit": {"kind": "peeled", "spots": [1]}})
+    said = "has no effect on test-fruit 'peeled': they are on the peel; leave it out"
+    assert errors(caught) == {"fruit.spots": said}
+    with pytest.raises(ValidationError) as caught:
+        Bowl.model_validate({"fruit": {"kind": "peeled", "sports": 1, "spots": [1]}})
+    assert errors(caught) == {"fruit.spots": said, "fruit.sports": "no such key; allowed: weight"}
+    choices = named.json_schema(Bowl)["$defs"]["family-test-fruit"]["anyOf"]
+    assert [list(c["properties"]) for c in choices[1:]] == [
+        ["kind", "weight", "spots"],
+        ["kind", "pair"],
+        ["kind", "weight"],
+    ]
+    with pytest.raises(TypeError, match="it has no peel to leave unused"):
+
+        class Wrong(Fruit, name="wrong"):
+            unused: ClassVar = {"peel": "x"}

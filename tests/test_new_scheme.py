@@ -55,6 +55,21 @@ def test_the_copy_claims_no_id_and_says_what_to_write():
     compile(found, "skeleton", "exec")
 
 
+@pytest.mark.parametrize(
+    ("family", "key", "line"),
+    [
+        ("laplacian", "original", '"koshizuka1996"'),
+        ("laplacian", "higher-order", '("khayyer2010", "khayyer2012")'),
+        ("weight", "isochoric", "()"),
+    ],
+)
+def test_the_copy_names_the_publications_of_what_it_still_is(family, key, line):
+    model = named.find(family, key)
+    text = Path(sys.modules[model.__module__].__file__).read_text(encoding="utf-8")
+    expected = f"    reference: ClassVar = {line}  # its own key in src/spume/references.bib\n"
+    assert expected in skeleton(text, model, "my-own")
+
+
 def test_its_claims_are_those_of_the_model_it_starts_from():
     text = (
         '[gradient.original]\nids = ["B1"]\norder = 0\nvalue = { "2D" = 1.0 }\n\n'

@@ -177,6 +177,10 @@ def test_rows_that_a_field_leaves_out(runtime):
     pair_sum(plain, particles, pairs, out="answer", weight=W, re=0.21, where="scalar")
     assert particles.numpy("answer")[chosen] == pytest.approx(w.sum(axis=1)[chosen], rel=1e-11)
     assert np.all(particles.numpy("answer")[~chosen] == -7.0)
+    particles.set("answer", np.full(particles.count, -7.0))
+    pair_max(plain, particles, pairs, out="answer", weight=W, re=0.21, where="scalar")
+    assert particles.numpy("answer")[chosen] == pytest.approx(w.max(axis=1)[chosen], rel=1e-11)
+    assert np.all(particles.numpy("answer")[~chosen] == -7.0)
 
 
 @pytest.mark.parametrize("d", [2, 3])

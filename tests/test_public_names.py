@@ -155,7 +155,9 @@ def claims():
             elif is_dataclass(thing):
                 yield from of_attributes(path, thing)
             if issubclass(thing, Scheme) and thing.key and thing.key != "none" and module.__name__.startswith(FORMULAS):
-                yield Claim(path, "source", thing.reference in bibliography())
+                keys = thing.publications()
+                said = set(keys) <= set(bibliography()) if keys else "This project" in (thing.__doc__ or "")
+                yield Claim(path, "source", said)
             for key, function in members(thing):
                 text, context = documentation(thing, key, function)
                 yield from of_function(f"{path}.{key}", function, text, context)

@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 
 import h5py
 import numpy as np
@@ -305,6 +306,18 @@ def test_what_cannot_be_continued_says_so(copy, whole, tmp_path):
     refused(
         copy, "no checkpoint.h5: the run ended before its first one, or wrote none; start the case again: spume run"
     )
+
+
+def test_keys_that_a_case_had_in_an_earlier_version_are_no_change(copy):
+    """Completed cases held a weight and a radius of what sums nothing."""
+    now, before = (
+        'turbulence = { name = "none" }',
+        'turbulence = { name = "none", weight = { name = "inverse" }, re = 2.1 }',
+    )
+    saved = checkpoint.read(copy)
+    assert now in saved.case
+    checkpoint.write(copy / checkpoint.FILE, replace(saved, case=saved.case.replace(now, before)))
+    assert spume.resume(copy).status == "finished"
 
 
 def test_what_may_be_changed_are_keys_of_a_case(copy):

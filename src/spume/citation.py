@@ -96,8 +96,9 @@ def _sources(case: Case) -> Iterator[tuple[str, str]]:
     found: list[tuple[str, str]] = []
 
     def visit(parameters: Parameters, _: Any) -> None:
-        if isinstance(parameters, Scheme) and parameters.reference:
-            found.append((parameters.reference, f"{parameters.family.replace('_', ' ')} {parameters.key!r}"))
+        if isinstance(parameters, Scheme):
+            what = f"{parameters.family.replace('_', ' ')} {parameters.key!r}"
+            found.extend((key, what) for key in parameters.cited())
 
     walk(case, visit)
     yield from found

@@ -15,7 +15,7 @@ import pkgutil
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import (
     BaseModel,
@@ -86,8 +86,8 @@ class Parameters(BaseModel):
         """Turn lists into tuples and name unknown keys with the nearest known one."""
         if not isinstance(value, Mapping):
             return value
-        keys = list(cls.model_fields)
-        known = {key: cls._completed(key, _tuples(item)) for key, item in value.items() if key in keys}
+        fields, keys = cls.model_fields, cls.table_keys()
+        known = {key: cls._completed(key, _tuples(item)) for key, item in value.items() if key in fields}
         errors = [
             InitErrorDetails(type=_BEYOND, loc=loc, input=number)
             for key, item in known.items()
@@ -98,7 +98,7 @@ class Parameters(BaseModel):
         known = {key: item for key, item in known.items() if not any(error["loc"][0] == key for error in errors)}
         meant = {str(error["loc"][0]) for error in errors}
         for key in value:
-            if key not in keys:
+            if key not in fields:
                 near = cls._table_of(str(key)) or nearest_match(str(key), keys)
                 meant.update(k for k in keys if near.endswith(f"{k!r}?"))
                 message = f"no such key; allowed: {', '.join(keys) or '(none)'}{near}"
@@ -114,6 +114,11 @@ class Parameters(BaseModel):
                 error = PydanticCustomError(item["type"], "{message}", context)
                 errors.append(InitErrorDetails(type=error, loc=item["loc"], input=item["input"]))
         raise ValidationError.from_exception_data(cls.__name__, errors)
+
+    @classmethod
+    def table_keys(cls) -> tuple[str, ...]:
+        """Return the keys of a table of these parameters."""
+        return tuple(cls.model_fields)
 
     @classmethod
     def _table_of(cls, key: str) -> str:
@@ -183,12 +188,44 @@ class Scheme(Parameters):
     """Key that holds the scheme's name in a table: ``name``, or ``kind`` where ``name`` is a label."""
     ids: ClassVar[tuple[str, ...]] = ()
     """Rows of the review's table of systems (``A1`` … ``L11``) that this scheme implements."""
-    reference: ClassVar[str] = ""
-    """Key of the publication in ``src/spume/references.bib``."""
+    reference: ClassVar[str | tuple[str, ...]] = ()
+    """Key of its publication in ``src/spume/references.bib``, or of several; none for a model of this project."""
     order: ClassVar[int | None] = None
     """Degree of the polynomials reproduced on any arrangement of particles; None where it has no meaning."""
     conserves: ClassVar[frozenset[str]] = frozenset()
     """Quantities conserved to round-off: ``momentum``, ``angular momentum``, ``volume``."""
+    unused: ClassVar[Mapping[str, str]] = {}
+    """Parameters of the family with which this model does not compute, each with the reason: no keys of its table."""
+
+    @classmethod
+    def table_keys(cls) -> tuple[str, ...]:
+        """Return the keys of a table of the scheme, without the one that selects it."""
+        return tuple(key for key in cls.model_fields if key not in cls.unused)
+
+    @model_validator(mode="after")
+    def _without_unused(self) -> Self:
+        """Refuse what would have no effect; the default, as completed cases once had it, does no harm."""
+        errors = []
+        for key, why in type(self).unused.items():
+            if (given := getattr(self, key)) != type(self).model_fields[key].default:
+                message = f"has no effect on {self.family} {self.key!r}: {why}; leave it out"
+                error = PydanticCustomError("unused", "{message}", {"message": message})
+                shown = given.key if isinstance(given, Scheme) else given
+                errors.append(InitErrorDetails(type=error, loc=(key,), input=shown))
+        if errors:
+            raise ValidationError.from_exception_data(type(self).__name__, errors)
+        return self
+
+    @classmethod
+    def publications(cls) -> tuple[str, ...]:
+        """Return the keys of the publications that it comes from, whatever its parameters."""
+        if isinstance(cls.reference, tuple):
+            return cls.reference
+        return (cls.reference,) if cls.reference else ()
+
+    def cited(self) -> tuple[str, ...]:
+        """Return the keys of the publications that it rests on with its parameters."""
+        return self.publications()
 
     def needed(self) -> tuple[Any, ...]:
         """Return the fields of the particle table that the scheme needs with its parameters."""
@@ -212,11 +249,14 @@ class Scheme(Parameters):
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
-        claims = {"family", "key", "selector", "ids", "reference", "order", "conserves"} & set(cls.model_fields)
+        names = {"family", "key", "selector", "ids", "reference", "order", "conserves", "unused"}
+        claims = names & set(cls.model_fields)
         if claims:  # an annotation without ClassVar would silently turn a claim into a key of the case file
             raise TypeError(f"{cls.__name__}: write {', '.join(sorted(claims))} as a ClassVar")
         if cls.key and cls.selector in cls.model_fields:
             raise TypeError(f"{cls.__name__}: {cls.selector!r} selects the scheme and cannot be a parameter")
+        if unknown := set(cls.unused) - set(cls.model_fields):
+            raise TypeError(f"{cls.__name__}: it has no {', '.join(sorted(unknown))} to leave unused")
 
     @classmethod
     def shorthand(cls, value: Any) -> Any:
@@ -331,7 +371,7 @@ def to_table(scheme: Scheme, context: Mapping[str, Any] | None = None) -> dict[s
         scheme: the scheme.
         context: ``folder``, below which files are named relative to it.
     """
-    return {scheme.selector: scheme.key, **scheme.model_dump(context=context)}
+    return {scheme.selector: scheme.key, **scheme.model_dump(context=context, exclude=set(scheme.unused))}
 
 
 class OneOrMore:
@@ -424,6 +464,8 @@ class _Defaults(GenerateJsonSchema):
     def model_schema(self, schema: Any) -> dict[str, Any]:
         made = super().model_schema(schema)
         docs = attribute_docs(schema["cls"])
+        for key in getattr(schema["cls"], "unused", ()):
+            del made["properties"][key]
         for key, entry in made.get("properties", {}).items():
             if key in docs:
                 entry["description"] = docs[key]
@@ -481,7 +523,7 @@ def walk(value: Any, visit: Callable[[Parameters, Location], None], loc: Locatio
     """Call ``visit(parameters, loc)`` for `value` and every `Parameters` inside it, outermost first."""
     if isinstance(value, Parameters):
         visit(value, loc)
-        for name in type(value).model_fields:
+        for name in type(value).table_keys():
             walk(getattr(value, name), visit, (*loc, name))
     elif isinstance(value, tuple):
         for index, item in enumerate(value):

@@ -255,10 +255,11 @@ def pair_max(
     arguments: Sequence[float] = (),
     fields: Mapping[str, str] | None = None,
     view: PairView | None = None,
+    where: str = "",
 ) -> None:
     """Write for each row the largest scalar term over its neighbours (-inf without any); see ``pair_sum``."""
     sums = (_asked(terms, out, weight, re, rows, over, arguments),)
-    _reduce("max", sums, particles, pairs, fields, view)
+    _reduce("max", sums, particles, pairs, fields, view, where)
 
 
 def row_map(

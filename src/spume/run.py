@@ -18,9 +18,10 @@ from typing import TYPE_CHECKING, Any
 
 from spume import inputs
 from spume.build import build
-from spume.case import Case, load
+from spume.case import Case, CaseError, load, read
 from spume.outputs import Outputs, outputs_of
 from spume.outputs.disk import replace_text
+from spume.problems import Origin
 from spume.progress import Progress
 from spume.toml import flattened
 
@@ -327,11 +328,19 @@ def _warn_of_failure(folder: Path, case: Case, saved: Saved) -> None:
         )
 
 
+def _completed(text: str, folder: Path) -> str:
+    """Return the text of a saved case as this version writes it: the one that saved it may have had other keys."""
+    try:
+        return read(tomllib.loads(text), Origin(), folder=folder).to_toml(folder)
+    except CaseError:
+        return text
+
+
 def _check_changes(case: Case, saved: Saved, folder: Path) -> None:
     """Refuse a case that differs from the one that was saved in more than a continued run may change."""
     from spume.outputs.checkpoint import CheckpointError
 
-    before = dict(flattened(tomllib.loads(saved.case)))
+    before = dict(flattened(tomllib.loads(_completed(saved.case, folder))))
     now = dict(flattened(tomllib.loads(case.to_toml(folder))))
     for key in dict.fromkeys((*before, *now)):
         if before.get(key) != now.get(key) and not any(key == k or key.startswith(k + ".") for k in CHANGEABLE):

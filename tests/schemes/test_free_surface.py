@@ -13,7 +13,7 @@ from spume.schemes.free_surface.detection_free import DetectionFree
 from spume.schemes.free_surface.divergence_of_position import DivergenceOfPosition
 from spume.schemes.free_surface.hybrid import Hybrid
 from spume.schemes.free_surface.number_density import LowNumberDensity
-from spume.schemes.free_surface.umbrella import Umbrella
+from spume.schemes.free_surface.umbrella import Umbrella, scan
 from spume.schemes.free_surface.vector import VectorFunction
 from spume.schemes.gradient.completed import Completed
 from spume.schemes.gradient.dummy_neighbour import DummyNeighbour
@@ -161,6 +161,24 @@ def test_sums_of_the_detections_by_a_direct_sum(d):
     outside = case.position - case.position.mean(axis=0)
     outward = np.einsum("ik,ik->i", n, outside / np.linalg.norm(outside, axis=1)[:, None])
     assert outward[case.on].min() > 0.6, "normals point out of the ball"
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_hybrid_scans_candidates_alone(d):
+    """The rows deep inside are spared, and the result is that of a scan of all rows."""
+    case, hybrid = surface("drop", d, disturbance=0.3), Hybrid()
+    lattice, particles, pairs = table(case.position, fields=dict.fromkeys(Hybrid.needs), reach=2.1)
+    model = NumberDensity()
+    model(lattice, particles, pairs)
+    particles.set("umbrella", np.full(particles.count, 7, dtype=np.int32))
+    hybrid(lattice, particles, pairs, model)
+    found, scanned = particles.numpy("free_surface"), particles.numpy("umbrella") != 7
+    candidates = particles.numpy("position_divergence") < 0.9 * d
+    assert 0 < candidates.sum() < 0.9 * particles.count
+    assert np.array_equal(scanned, candidates)
+    scan(hybrid, lattice, particles, pairs)
+    assert np.array_equal(found == 1, candidates & (particles.numpy("umbrella") == 0))
+    assert found.any()
 
 
 def test_the_printed_cone_is_a_cone():

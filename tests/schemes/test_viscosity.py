@@ -1,14 +1,22 @@
 """Viscosity, explicit and implicit, and turbulence: exact profiles, decay, momentum, any time step."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 
+import asked
 from arrangements import block, table
+from reference.cloud import Cloud
+from spume.lattice import Lattice
 from spume.particles import DUMMY, FLUID, WALL
 from spume.pressure.conjugate_gradient import ConjugateGradient
 from spume.pressure.matrix import SYSTEM_FIELDS
 from spume.problems import CaseError
 from spume.schemes.laplacian.distance import Distance
+from spume.schemes.laplacian.higher_order import HigherOrder
+from spume.schemes.laplacian.least_squares import LeastSquares
+from spume.schemes.laplacian.original import Original
 from spume.schemes.laplacian.second_order import SecondOrder
 from spume.schemes.turbulence.smagorinsky import Smagorinsky
 from spume.schemes.viscosity.explicit import Explicit
@@ -100,6 +108,38 @@ def test_decay_of_a_wave_of_shear(limits):
     for count in (1, 2):
         step(TIGHT, domain, dt)
         assert particles.numpy("velocity") == pytest.approx(wave / (1 + rate * dt) ** count, abs=1e-8)
+
+
+def largest_eigenvalue(laplacian, d):
+    """Return k l0^2 of the wave that an explicit step of the viscosity amplifies first, on the lattice."""
+    cells = {2: 12, 3: 10}[d]
+    cloud = Cloud(d, re=3.1, disturbance=0.0, cells=cells)
+    cloud.period = cells * cloud.l0
+    row = asked.system(laplacian, cloud)[0][0]
+    offsets = (cloud.x - cloud.x[0]) / cloud.l0
+    offsets -= cells * np.round(offsets / cells)
+    waves = np.array(list(product(np.linspace(0.0, np.pi, 21), repeat=d)))
+    return (row * np.cos(waves @ offsets.T)).sum(axis=1).max() * cloud.l0**2
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize(
+    ("laplacian", "parts"),
+    [
+        (Original(), (0.24, 0.17)),
+        (Distance(), (0.34, 0.25)),
+        (HigherOrder(), (0.23, 0.17)),
+        (HigherOrder(form="consistent"), (0.32, 0.18)),
+        (HigherOrder(form="published"), (0.49, 0.18)),
+        (SecondOrder(), (0.13, 0.08)),
+        (LeastSquares(), (0.09, 0.07)),
+    ],
+    ids=lambda value: getattr(value, "key", None),
+)
+def test_part_of_the_limit_of_stability(laplacian, parts, d):
+    """Of the limit 2/(nu k) on the lattice."""
+    limit = 2.0 / largest_eigenvalue(laplacian, d)
+    assert Explicit().max_dt(Lattice(d, 1.0), 1.0) / limit == pytest.approx(parts[d - 2], abs=0.006)
 
 
 def test_implicit_conserves_momentum_and_takes_energy():

@@ -30,14 +30,14 @@ class Wall(Rigid, name="wall"):
     """
 
     ids: ClassVar[tuple[str, ...]] = ("F1", "F2")
-    reference: ClassVar[str] = "koshizuka1996"
+    reference: ClassVar[tuple[str, ...]] = ("koshizuka1996", "lee2011")
 
     wetted: Literal["inside", "outside"] | None = None
     """Side of the shape on which the fluid is; default: inside for a tank, outside for other shapes."""
     layers: Annotated[int, Field(ge=1, le=10)] = 3
     """Layers of particles, the wall layer included; at least the largest effective radius / spacing [1]."""
     slip: Literal["no-slip", "free-slip"] = "no-slip"
-    """Velocity that viscosity sees in the wall: mirrored in full (no-slip) or its normal part (free-slip).
+    """Velocity that viscosity sees in the wall: mirrored in full (no-slip, Lee 2011) or its normal part (free-slip).
 
     A wall function of the viscosity gives no-slip walls their stress; a free-slip wall has none.
     """

@@ -127,8 +127,9 @@ def _claims_of_class(node: ast.ClassDef, model: type[Scheme]) -> list[tuple[int,
         if isinstance(target, ast.Name) and target.id == "ids":
             edits.append((*span, ""))
         if isinstance(target, ast.Name) and target.id == "reference":
-            text = f'    reference: ClassVar = "{model.reference}"  # its own key in src/spume/references.bib\n'
-            edits.append((*span, text))
+            keys = [f'"{key}"' for key in model.publications()]
+            value = keys[0] if len(keys) == 1 else f"({', '.join(keys)})"
+            edits.append((*span, f"    reference: ClassVar = {value}  # its own key in src/spume/references.bib\n"))
     return edits
 
 

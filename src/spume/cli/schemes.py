@@ -40,7 +40,7 @@ def schemes(
                 "family": scheme.family,
                 "name": scheme.key,
                 "ids": list(scheme.ids),
-                "source": scheme.reference,
+                "sources": list(scheme.publications()),
                 "order": scheme.order,
                 "conserves": sorted(scheme.conserves),
                 "doc": (scheme.__doc__ or "").strip().split("\n")[0],
@@ -53,7 +53,8 @@ def schemes(
     for scheme in chosen:
         order = "" if scheme.order is None else str(scheme.order)
         ids, conserves = " ".join(scheme.ids), ", ".join(sorted(scheme.conserves))
-        table.add_row(scheme.family, scheme.key, ids, scheme.reference, order, conserves)
+        sources = ", ".join(scheme.publications())
+        table.add_row(scheme.family, scheme.key, ids, sources, order, conserves)
     new_console().print(table)
 
 

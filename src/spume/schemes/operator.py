@@ -10,7 +10,10 @@ from spume.schemes.weight.inverse import Inverse
 
 
 class Operator(Scheme):
-    """A model that sums over the neighbours nearer than ``re`` with a weight function."""
+    """A model that sums over the neighbours nearer than ``re`` with a weight function.
+
+    One that does without the one or the other says so in ``unused``.
+    """
 
     weight: Weight = Inverse()
     """Weight function W(r, re)."""

@@ -195,7 +195,7 @@ class Step(Scheme, family="step"):
 
     def largest_radius(self) -> float:
         """Return the largest effective radius of any operator, as a multiple of l0."""
-        return max(scheme.re for scheme in nested(self) if isinstance(scheme, Operator))
+        return max(scheme.re for scheme in nested(self) if isinstance(scheme, Operator) and "re" not in scheme.unused)
 
 
 class Projection(Step):
@@ -208,7 +208,10 @@ class Projection(Step):
     solver: Solver = Multigrid()
     """Linear solver."""
     surface_pressure: Literal["half-cell", "zero"] = "half-cell"
-    """Pressure at the centres of surface rows: l0/2 times the last pressure gradient there (rho |g| at most), or 0."""
+    """Pressure at the centres of surface rows: l0/2 times the last pressure gradient there (rho |g| at most), or 0.
+
+    Of a ``free_surface`` with a known pressure; ``imaged`` and ``detection-free`` solve for it.
+    """
 
     instants: ClassVar[tuple[str, ...]] = ("k", "*")
     """Instants at which the step can evaluate a source."""
@@ -232,6 +235,11 @@ class Projection(Step):
                 "surface would be taken for a stretched fluid; choose the source divergence or "
                 "divergence-density, or a free_surface with a known pressure, such as blended"
             )
+        if not self.free_surface.known and self.surface_pressure != type(self).model_fields["surface_pressure"].default:
+            raise ValueError(
+                f"surface_pressure has no effect with free_surface {self.free_surface.key!r}, which solves for it: "
+                "leave it out, or choose a free_surface with a known pressure, such as blended"
+            )
         if self.solver.symmetric_only and not self.laplacian.symmetric:
             raise ValueError(
                 f"solver {self.solver.key!r} needs a symmetric matrix, which the laplacian {self.laplacian.key!r} "
@@ -243,7 +251,7 @@ class Projection(Step):
         """Return which two models do not fit each other, though they can be computed together, or nothing."""
         cautions = []
         source = self.source
-        if found := self.laplacian.caution(source.of_slope, self.number_density.re, not source.from_velocity):
+        if found := self.laplacian.caution(source.of_slope, self.number_density, not source.from_velocity):
             cautions.append(f"source {source.key!r} {found}")
         if found := self.gradient.caution():
             cautions.append(f"gradient {self.gradient.key!r} {found}")

@@ -33,7 +33,9 @@ class PredictMoveProject(Projection, name="predict-move-project"):
     """Forces, r* = r + dt u*, projection at r*, then velocity and position are corrected (Koshizuka & Oka 1996).
 
     The pressure is evaluated at moved positions, which damps waves: an oscillation of period T loses
-    about 2 pi^2 dt/T of its amplitude each period. Its defaults are the models of the original method.
+    about 2 pi^2 dt/T of its amplitude each period. Its defaults are the models of the original method but for the
+    gradient (``minimum``, Koshizuka 1998; ``original`` is that of 1996), the collisions (``inelastic``, Lee 2011) and
+    the radius of the Laplacians, 2.1 l0 where the papers have 3.1 to 4.0 l0.
     """
 
     ids: ClassVar = ("A1",)
@@ -53,7 +55,10 @@ class PredictMoveProject(Projection, name="predict-move-project"):
     negative_pressure: bool = False
     """Keep negative pressures; false clips them to zero, as the original method does."""
     surface_pressure: Literal["half-cell", "zero"] = "zero"
-    """Pressure at the centres of surface rows: l0/2 times the last pressure gradient there (rho |g| at most), or 0."""
+    """Pressure at the centres of surface rows: l0/2 times the last pressure gradient there (rho |g| at most), or 0.
+
+    Of a ``free_surface`` with a known pressure; ``imaged`` and ``detection-free`` solve for it.
+    """
     shifting: Shifting = Unshifted()
     """Particle shifting."""
 

@@ -58,7 +58,7 @@ class WeaklyCompressible(Step, name="weakly-compressible"):
     """
 
     ids: ClassVar = ("A5",)
-    reference: ClassVar = "shakibaeinia2010"
+    reference: ClassVar = ("shakibaeinia2010", "antuono2010")
     fields: ClassVar = (
         *Step.fields,
         DIVERGENCE,

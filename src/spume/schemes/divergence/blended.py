@@ -26,7 +26,8 @@ class Blended(Divergence, name="blended"):
     """<div u>_i = d/n0 sum_j (u_j - u_i) . [(1 - theta_i) C_i + theta_i I] r_ij/r^2 W.
 
     Exact for linear velocity fields on any arrangement inside the fluid; on the free surface, where the
-    pressure is known and a large correction would only amplify, the original model. (This project.)
+    pressure is known and a large correction would only amplify, the original model. (This project; the
+    matrix of Khayyer & Gotoh 2011.)
     """
 
     reference: ClassVar = "khayyer2011"

@@ -2,6 +2,8 @@
 
 from typing import ClassVar
 
+from pydantic import Field as Parameter
+
 from spume.lattice import Lattice
 from spume.pairs import Pairs, pair_sum, pair_term
 from spume.particles import ANY, FLUID, WALL, Particles
@@ -29,7 +31,7 @@ class Corrected(Divergence, name="corrected"):
     order: ClassVar = 1
     needs: ClassVar = (CORRECTION,)
 
-    largest_condition: float = 1e3
+    largest_condition: float = Parameter(default=1e3, gt=1.0)
     """Largest condition number of the matrix; above it a row falls back to C = I [1]."""
 
     def __call__(self, lattice: Lattice, particles: Particles, pairs: Pairs, out: str, mirror: bool = False) -> None:

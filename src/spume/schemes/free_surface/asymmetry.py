@@ -35,6 +35,7 @@ class Asymmetry(FreeSurface, name="asymmetry"):
 
     ids: ClassVar = ("E3",)
     reference: ClassVar = "khayyer2009a"
+    unused: ClassVar = {"weight": "every neighbour nearer than re counts alike"}
     needs: ClassVar = (SURFACE_SHARE, Field("neighbour_offset", ("d",), "m", "sum of r over the neighbours of a row"))
 
     beta: float = Parameter(default=0.97, gt=0.5, le=1.0)

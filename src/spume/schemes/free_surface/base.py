@@ -9,6 +9,9 @@ from spume.pairs import Pairs, row_map, row_term
 from spume.particles import FLUID, WALL, Field, Particles
 from spume.schemes.operator import Operator
 
+JUDGES_N = dict.fromkeys(("weight", "re"), "n is that of number_density, with the weight and the re given there")
+"""What a detection that looks at n alone does not compute with; see `Scheme.unused`."""
+
 SURFACE_SHARE = Field("surface_share", (), "1", "0 inside the fluid … 1 on the free surface")
 
 

@@ -8,7 +8,7 @@ from spume import kernels
 from spume.lattice import Lattice
 from spume.pairs import Pairs, RowMap, row_map, row_maps, row_term
 from spume.particles import FLUID, WALL, Particles
-from spume.schemes.free_surface.base import FreeSurface
+from spume.schemes.free_surface.base import JUDGES_N, FreeSurface
 
 
 @row_term(reads=("number_density",))
@@ -36,7 +36,8 @@ class Blended(FreeSurface, name="blended"):
     """
 
     ids: ClassVar[tuple[str, ...]] = ("E1",)
-    reference: ClassVar = "koshizuka1996"
+    reference: ClassVar[str | tuple[str, ...]] = "koshizuka1996"
+    unused: ClassVar = JUDGES_N
 
     upper: float = Parameter(default=0.9, gt=0.5, le=1.0)
     """Fraction of n0 at which a row begins to belong to the surface [1]."""

@@ -8,7 +8,7 @@ from spume import kernels
 from spume.lattice import Lattice
 from spume.pairs import Pairs, row_map, row_term
 from spume.particles import FLUID, WALL, Particles
-from spume.schemes.free_surface.base import FreeSurface, nothing
+from spume.schemes.free_surface.base import JUDGES_N, FreeSurface, nothing
 
 
 @row_term(reads=("number_density",))
@@ -45,6 +45,7 @@ class DetectionFree(FreeSurface, name="detection-free"):
     ids: ClassVar = ("E7",)
     reference: ClassVar = "chen2014"
     known: ClassVar = False
+    unused: ClassVar = JUDGES_N
 
     full: float = Parameter(default=0.3, gt=0.0, lt=1.0)
     """Missing part of n0 that counts as a whole share in the surface; 0.3 is that of a flat surface [1]."""

@@ -63,6 +63,7 @@ class DivergenceOfPosition(FreeSurface, name="divergence-of-position"):
 
     ids: ClassVar = ("E2",)
     reference: ClassVar = "lee2008"
+    unused: ClassVar = {"weight": "its kernel is Wendland's"}
     needs: ClassVar = (SURFACE_SHARE, POSITION_DIVERGENCE)
 
     limit: float | None = Parameter(default=None, gt=0.0, le=3.0)

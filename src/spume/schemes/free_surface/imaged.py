@@ -45,7 +45,8 @@ class Imaged(Blended, name="imaged"):
     """
 
     ids: ClassVar[tuple[str, ...]] = ()
-    reference: ClassVar = "liu2018"
+    reference: ClassVar = ()
+    unused: ClassVar = {}
     known: ClassVar = False
     needs: ClassVar = (*Blended.needs, *IMAGE_FIELDS, IMAGES_DENSITY)
 

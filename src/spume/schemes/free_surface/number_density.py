@@ -8,7 +8,7 @@ from spume import kernels
 from spume.lattice import Lattice
 from spume.pairs import Pairs, row_map, row_term
 from spume.particles import FLUID, WALL, Particles
-from spume.schemes.free_surface.base import FreeSurface, as_share
+from spume.schemes.free_surface.base import JUDGES_N, FreeSurface, as_share
 
 
 @row_term(reads=("number_density",))
@@ -24,6 +24,7 @@ class LowNumberDensity(FreeSurface, name="number-density"):
 
     ids: ClassVar = ("A4", "E1")
     reference: ClassVar = "koshizuka1996"
+    unused: ClassVar = JUDGES_N
 
     beta: float = Parameter(default=0.95, gt=0.5, le=1.0)
     """Fraction of n0 below which a row is on the surface [1]."""

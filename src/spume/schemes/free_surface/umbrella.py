@@ -49,18 +49,19 @@ def in_cone(a, b, r, w, h):  # type: ignore[no-untyped-def]
     return inside
 
 
-def scan(operator: Operator, lattice: Lattice, particles: Particles, pairs: Pairs) -> None:
+def scan(operator: Operator, lattice: Lattice, particles: Particles, pairs: Pairs, where: str = "") -> None:
     """Write ``surface_normal`` and ``umbrella`` of fluid and wall rows: 1 where any neighbour lies under the umbrella.
 
     With h = re/2 and T = x_i + h n_i that is, for a neighbour j (review Eq. 31): |x_ji| >= sqrt(2) h and |x_jT| < h; or
     |x_ji| < sqrt(2) h and the angle between x_ji and n below 45 degrees. In 2D the print has
-    |n . x_jT| + |t . x_jT| < h in the second line, which is the same cone.
+    |n . x_jT| + |t . x_jT| < h in the second line, which is the same cone. ``where`` names a field that is positive at
+    the rows that are scanned, if not all are.
     """
     both = FLUID | WALL
-    surface_normals(operator, lattice, particles, pairs, rows=both)
+    surface_normals(operator, lattice, particles, pairs, rows=both, where=where)
     pair_max(
         in_cone, particles, pairs, out="umbrella", weight=operator.weight, re=operator.radius(lattice), rows=both,
-        over=ANY, arguments=(0.5 * operator.radius(lattice),),
+        over=ANY, arguments=(0.5 * operator.radius(lattice),), where=where,
     )  # fmt: skip
 
 

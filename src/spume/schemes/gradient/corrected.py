@@ -2,6 +2,8 @@
 
 from typing import ClassVar, Literal
 
+from pydantic import Field as Parameter
+
 from spume.lattice import Lattice
 from spume.pairs import Pairs, PairView, pair_sum, pair_term
 from spume.particles import ANY, Particles
@@ -47,7 +49,7 @@ class Corrected(Gradient, name="corrected"):
 
     form: Literal["published", "consistent"] = "consistent"
     """``published``: as printed, d n_i/n0 times too large; ``consistent``: exact for linear fields."""
-    largest_condition: float = 1e3
+    largest_condition: float = Parameter(default=1e3, gt=1.0)
     """Largest condition number of the matrix; above it a row falls back to C = I [1]."""
 
     def caution(self) -> str:

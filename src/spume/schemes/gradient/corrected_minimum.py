@@ -2,6 +2,8 @@
 
 from typing import ClassVar
 
+from pydantic import Field as Parameter
+
 from spume.lattice import Lattice
 from spume.pairs import Pairs, PairView, pair_sum, pair_term
 from spume.particles import ANY, Particles
@@ -34,7 +36,7 @@ class CorrectedMinimum(Gradient, name="corrected-minimum"):
     repels: ClassVar = True
     needs: ClassVar = (CORRECTION, SMALLEST_VALUE)
 
-    largest_condition: float = 1e3
+    largest_condition: float = Parameter(default=1e3, gt=1.0)
     """Largest condition number of the matrix; above it a row falls back to C = I [1]."""
 
     def __call__(

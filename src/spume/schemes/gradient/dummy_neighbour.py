@@ -2,6 +2,8 @@
 
 from typing import Any, ClassVar
 
+from pydantic import Field as Parameter
+
 from spume import kernels
 from spume.lattice import Lattice
 from spume.pairs import Pairs, PairView, RowTerm, pair_sum, pair_term, row_map
@@ -82,7 +84,7 @@ class DummyNeighbour(Gradient, name="dummy-neighbour"):
     needs: ClassVar = (CORRECTION, SURFACE_SHARE, ASYMMETRY)
     completes: ClassVar = True
 
-    largest_condition: float = 1e3
+    largest_condition: float = Parameter(default=1e3, gt=1.0)
     """Largest condition number of the matrix; above it a row falls back to C = I [1]."""
 
     def __call__(

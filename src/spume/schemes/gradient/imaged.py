@@ -55,7 +55,7 @@ class Imaged(Gradient, name="imaged"):
     of the lattice instead. (This project.)
     """
 
-    reference: ClassVar = "liu2018"
+    reference: ClassVar = ()
     order: ClassVar = 0
     needs: ClassVar = (SECOND_MOMENT, WALL_MOMENT, *IMAGE_FIELDS)
     completes: ClassVar = True

@@ -56,7 +56,7 @@ class Stabilised(Gradient, name="stabilised"):
     the original gradient and nothing else; the stabilising force is equal and opposite (angular momentum is
     not conserved where a pair turns within a step, and the original gradient conserves neither).
 
-    The print weights F with W/n0, so that a step undoes about a fifth of a penetration: ``form = "published"``. With
+    The print weights F with W/n0: a step undoes a fifth of a penetration in 2D, a tenth in 3D (``published``). With
     ``form = "consistent"`` one step moves a lone pair back to d exactly. Prefer it to the minimum
     pressure in violent flows: it is silent inside a well-ordered fluid.
     """

@@ -50,16 +50,17 @@ class Laplacian(Operator, family="laplacian"):
             over: kinds of the neighbours that take part in the sum.
         """
 
-    def caution(self, of_slope: bool, re: float, of_crowding: bool = False) -> str:
+    def caution(self, of_slope: bool, number_density: Operator, of_crowding: bool = False) -> str:
         """Return what does not fit about a source of the pressure equation and this model, or nothing.
 
         Args:
             of_slope: whether the source sums the derivative of the weight (see ``Source``).
-            re: its effective radius [l0].
+            number_density: the ``NumberDensity`` scheme, whose weight and radius it is summed with.
             of_crowding: whether it measures how rows have moved together (``Source.from_velocity`` is false).
         """
         if of_slope:
-            return "carries a factor (1.42 in 2D, 1.07 in 3D at re = 2.1) that only the laplacian higher-order shares"
+            size = "1.42 in 2D, 1.07 in 3D with the weight inverse and re = 2.1"
+            return f"carries a factor, -sum_j r dW/dr/(d n0) ({size}), that only the laplacian higher-order shares"
         return ""
 
     def scale(self, lattice: Lattice) -> float:

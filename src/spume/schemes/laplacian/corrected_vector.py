@@ -12,7 +12,7 @@ from spume.schemes.correction import CORRECTION, moment
 from spume.schemes.free_surface.base import SURFACE_SHARE
 from spume.schemes.laplacian.base import Laplacian, Terms
 
-CORRECTED_VECTOR = Field("corrected_vector", ("d",), "1/m", "vector that takes the gradient's part off a Laplacian")
+CORRECTED_VECTOR = Field("corrected_vector", ("d",), "1/m", "takes a gradient off a Laplacian; [m] with base original")
 
 
 @pair_term(shape=("d",))

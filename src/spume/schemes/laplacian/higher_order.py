@@ -8,6 +8,7 @@ from pydantic import model_validator
 from spume import kernels
 from spume.lattice import Lattice
 from spume.schemes.laplacian.base import Laplacian, Terms
+from spume.schemes.operator import Operator
 from spume.schemes.weight.inverse import Inverse
 
 
@@ -38,14 +39,14 @@ class HigherOrder(Laplacian, name="higher-order"):
     consistent in both, and the 2D form gives 3/2 of the Laplacian. At finite re the sum over the regular arrangement
     differs from that limit (by 1.42 in 2D and 1.07 in 3D at re = 2.1 l0), and so does the source of the same authors
     (dn/dt from W'), by the same factor: ``consistent`` with such a source and the same re, ``calibrated`` with a source
-    that has the right size by itself.
+    that has the right size by itself. ``published`` with such a source gives 2/3 of the projection's pressure in 2D.
 
     Symmetric, with positive coefficients. A nearer neighbour counts more than in the original model, which makes the
     pressure less noisy. For the weight ``inverse`` only, for which it is derived.
     """
 
     ids: ClassVar[tuple[str, ...]] = ("C2", "C3")
-    reference: ClassVar = "khayyer2010"
+    reference: ClassVar = ("khayyer2010", "khayyer2012")
     order: ClassVar = 0
     conserves: ClassVar = frozenset({"flux"})
     symmetric: ClassVar = True
@@ -62,17 +63,30 @@ class HigherOrder(Laplacian, name="higher-order"):
             )
         return self
 
-    def caution(self, of_slope: bool, re: float, of_crowding: bool = False) -> str:
+    def caution(self, of_slope: bool, number_density: Operator, of_crowding: bool = False) -> str:
         """Return what does not fit about a source of the pressure equation and this model, or nothing."""
-        if of_slope and self.form == "calibrated":
-            return 'carries the factor of the form "consistent" of the laplacian higher-order: choose that form'
-        if of_slope and re != self.re:
-            return f"is summed with re = {re:g}, the laplacian higher-order with re = {self.re:g}: choose the same"
+        if of_slope:
+            return self._caution_of_slope(number_density)
         if of_crowding:  # a small change of n has the factor of "consistent", the volume that n states has not
             both = f'the form "{self.form}" of the laplacian is too large for it: choose "calibrated" or "consistent"'
             return both if self.form == "published" else ""
-        if not of_slope and self.form != "calibrated":
+        if self.form != "calibrated":
             return f'has the right size by itself, the form "{self.form}" of the laplacian has not: choose "calibrated"'
+        return ""
+
+    def _caution_of_slope(self, number_density: Operator) -> str:
+        """Return what does not fit about a source that sums the derivative of the weight of ``number_density``."""
+        if self.form != "consistent":
+            size = 'the pressure is 2/3 of the projection\'s in 2D with "published" (in 3D it is the same form): '
+            size = size if self.form == "published" else ""
+            return f'carries the factor of the form "consistent" of the laplacian higher-order: {size}choose that form'
+        summed = number_density.weight.key
+        if summed != self.weight.key:
+            factor = "with another weight than the laplacian higher-order, so that the factors of both differ"
+            return f'is summed {factor}: choose "{self.weight.key}" for number_density, not "{summed}"'
+        if number_density.re != self.re:
+            both = f"re = {number_density.re:g}, the laplacian higher-order with re = {self.re:g}"
+            return f"is summed with {both}: choose the same"
         return ""
 
     def terms(self) -> Terms:

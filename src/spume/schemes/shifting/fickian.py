@@ -33,11 +33,11 @@ class Fickian(Diffusive, name="fickian"):
     h = re/3. D = A l0^2, or with ``advective`` D = A h |u|max dt. Xu's flows have no free surface: towards one the
     shift fades out with the row's share theta, so the outermost rows keep their places; ``fickian-surface``
     and ``optimised`` move them along the surface. Conserves nothing, as it moves rows without their reaction.
-    The default: small, smooth, one pass over the list.
+    Small, smooth, one pass over the list; the default, ``fickian-along-surface``, is made of it.
     """
 
     ids: ClassVar[tuple[str, ...]] = ("D1",)
-    reference: ClassVar = "xu2009"
+    reference: ClassVar[str | tuple[str, ...]] = "xu2009"
     needs: ClassVar = (*Diffusive.needs, SURFACE_SHARE)
 
     strength: float = Parameter(default=0.1, ge=0.0, le=1.0)

@@ -39,7 +39,7 @@ class FickianAlongSurface(Fickian, name="fickian-along-surface"):
     """
 
     ids: ClassVar[tuple[str, ...]] = ()
-    reference: ClassVar = "lind2012"
+    reference: ClassVar = ("xu2009", "lind2012")
     needs: ClassVar = (*Fickian.needs, CROWDING, *RELATIVE_MOTION, *NORMAL_FIELDS)
 
     relative: float = Parameter(default=6.5, ge=0.0)

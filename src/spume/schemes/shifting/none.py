@@ -12,6 +12,7 @@ class Unshifted(Shifting, name="none"):
     """Rows stay where the flow took them."""
 
     conserves: ClassVar = frozenset({"momentum", "angular momentum"})
+    unused: ClassVar = dict.fromkeys(("weight", "re"), "no row is moved")
 
     def __call__(self, lattice: Lattice, particles: Particles, pairs: Pairs, number_density: Any, dt: float) -> None:
         """Leave ``position`` as it is."""

@@ -38,7 +38,7 @@ class Optimised(Diffusive, name="optimised"):
     V_j grad W = d/n0 W r_ij/r^2; h = re/3. The output field ``surface_class`` shows the classes: 0 inner, 1 vicinity (a
     neighbour on the surface), 2 surface, 3 splash (no fluid neighbour off the surface).
     Conserves nothing, as it moves rows without their reaction. For violent flows whose surface should keep evenly
-    spaced rows; no constant to tune, but five times the diffusion of the default ``fickian``.
+    spaced rows; no constant to tune, but 2.45 times the diffusion of ``fickian``: D = 0.245 l0^2 at re = 2.1 l0.
     """
 
     ids: ClassVar = ("D3",)

@@ -55,6 +55,11 @@ class Source(Scheme, family="source"):
     diagonal, so the solver needs fewer iterations and a closed tank has a definite pressure.
     """
 
+    def cited(self) -> tuple[str, ...]:
+        """Return the keys of its publications, with that of the compressibility where there is one."""
+        more = ("ikeda2001" if self.of_volume else "khayyer2016",) if self.compressibility > 0.0 else ()
+        return (*self.publications(), *more)
+
     def remember(self, lattice: Lattice, particles: Particles, pairs: Pairs, number_density: Any, mirror: bool) -> None:
         """Take down what it reads of the start of the step (see ``history``); the arguments as below."""
 

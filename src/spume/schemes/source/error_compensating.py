@@ -41,7 +41,8 @@ class ErrorCompensating(Source, name="error-compensating"):
     The first part is the higher-order source, the others take back what the step before left of motion and of
     volume, weighted with each other: nothing to choose. In a fluid at rest (Dn/Dt)^k vanishes and with it
     the correction, so a slow drift of the volume is not restored; then prefer three-term or divergence-density.
-    Near the free surface a density below n0 is left out of e: neighbours are missing there.
+    Near the free surface a density below n0 is left out of e: neighbours are missing there. Its size, and the Laplacian
+    that fits, are those of ``higher-order``.
     """
 
     ids: ClassVar = ("S4",)

@@ -23,8 +23,9 @@ class HigherOrder(Source, name="higher-order"):
 
     With W = re/r - 1 that is +1/(n0 dt) sum_j re/r^3 r_ij . u*_ij: the print of Eq. 27 has r_ij in the place of re, and
     the wrong sign. Other weight functions bring their own derivative. For a uniform compression it gives
-    div(u)/dt times sum_j(re/r_j)/(d n0), 1.42 in 2D and 1.07 in 3D at re = 2.1 l0: the Laplacian that fits is the
-    higher-order one of the same re, which carries the same factor.
+    div(u)/dt times -sum_j r_j W'(r_j)/(d n0). With the weight ``inverse`` of n that is 1.42 in 2D and 1.07 in 3D at
+    re = 2.1 l0, and the Laplacian that fits is the ``consistent`` higher-order one of the same re, which carries the
+    same factor. Other weights have other factors, ``gaussian`` 2.29 and 1.70, and no Laplacian that shares them.
     Smoother in time than the density, for it reads velocities and not positions; errors of the volume are not
     corrected and accumulate, unlike with the error-compensating source.
     """

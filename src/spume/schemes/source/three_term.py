@@ -44,7 +44,9 @@ class ThreeTerm(Source, name="three-term"):
     with dt' = dt the first two are (n* - 2 n^k + n^(k-1))/dt + alpha (n^k - n^(k-1))/dt. A row without a step before
     takes the middle part as zero. n^k is summed after correction and shifting of the step before.
     The deviation of the density, split: alpha of its rate and beta of its value are corrected
-    in a step, 0 <= beta <= alpha <= 1; alpha = beta = 1 is the density source. The smaller they are the less
+    in a step, 0 <= beta <= alpha <= 1; alpha = beta = 1 is the density source, inside an incompressible fluid. With
+    ``compressibility`` it is not: this source draws to P_0 = P^k whatever beta is, the density source to 0, and beta
+    restores n0 where a fluid under pressure would have n0 (1 + alpha_c P). The smaller alpha and beta are the less
     disorder becomes pressure; beta = 0 lets the volume drift. Near the free surface a density below
     n0 is left out of the last part: neighbours are missing there.
     """

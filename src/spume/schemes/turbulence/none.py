@@ -13,6 +13,7 @@ class Laminar(Turbulence, name="none"):
 
     order: ClassVar = None
     given: ClassVar = "kinematic_viscosity"
+    unused: ClassVar = dict.fromkeys(("weight", "re"), "nothing is summed")
 
     def __call__(self, lattice: Lattice, particles: Particles, pairs: Pairs) -> str:
         """Return ``kinematic_viscosity``."""

@@ -30,7 +30,7 @@ def with_eddies(a, scale, floor, square):  # type: ignore[no-untyped-def]
 
 
 class Smagorinsky(Turbulence, name="smagorinsky"):
-    """nu_t = (C_s l0)^2 |S|, |S| = (2 S_ij S_ij)^(1/2), S the rate of strain (Smagorinsky 1963; MPS-LES).
+    """nu_t = (C_s l0)^2 |S|, |S| = (2 S_ij S_ij)^(1/2), S the rate of strain (Smagorinsky 1963; in MPS: Pan 2012).
 
     The filter is the particle spacing. S comes from the corrected velocity gradient, so it is exact for linear fields
     on any arrangement inside the fluid; rows in spray, whose neighbours say little of a gradient, have a smaller one and
@@ -40,7 +40,7 @@ class Smagorinsky(Turbulence, name="smagorinsky"):
     """
 
     ids: ClassVar = ("A6",)
-    reference: ClassVar = "smagorinsky1963"
+    reference: ClassVar = ("smagorinsky1963", "pan2012")
     needs: ClassVar[tuple[Field, ...]] = (EFFECTIVE_VISCOSITY, SLIP_GRADIENT, SECOND_MOMENT)
 
     constant: float = Parameter(default=0.15, gt=0.0, le=0.25)

@@ -81,7 +81,12 @@ class Explicit(Viscosity, name="explicit"):
         return max(material, self.turbulence.largest(particles))
 
     def max_dt(self, lattice: Lattice, viscosity: float) -> float:
-        """Return l0^2/(4 d nu) [s], half the limit of the explicit scheme on the regular arrangement."""
+        """Return l0^2/(4 d nu) [s], with the default radii less than half the limit of stability on the lattice.
+
+        The limit is 2/(nu k), k the largest eigenvalue of the Laplacian. This is 0.34 of it in 2D and 0.25 in 3D with
+        ``distance``, 0.24 and 0.17 with ``original``, 0.23 and 0.17 with ``higher-order``, whose published form has
+        the most, 0.49 in 2D; 0.13 and 0.08 with ``second-order``.
+        """
         return lattice.spacing**2 / (4 * lattice.dimension * viscosity) if viscosity > 0 else inf
 
 

@@ -31,6 +31,6 @@ class Isochoric(Weight, name="isochoric"):
     in the disordered rows among them. Smooth at re. (This project.)
     """
 
-    reference: ClassVar = "pan2008"
+    reference: ClassVar = ()
     formula: ClassVar = staticmethod(isochoric)
     slope: ClassVar = staticmethod(isochoric_slope)
