@@ -7,6 +7,7 @@ from spume.bodies import Wall
 from spume.build import build, check_gauges, grid_of, initial_rows
 from spume.case import Case, CaseError, Domain, Fluid, Time, built_in_cases, load
 from spume.geometry import Box, Difference, Polygon, Sphere, Tank
+from spume.motion import Sinusoid, Uniform
 from spume.particles import DUMMY, FLUID, WALL
 from spume.prediction import predict
 
@@ -296,6 +297,19 @@ def test_prediction_grows_with_the_case():
     assert many.steps == pytest.approx(2 * few.steps, rel=0.02)
     assert many.seconds > 6 * (few.seconds - 10.0)
     assert many.bytes > few.bytes
+
+
+def test_prediction_knows_the_speed_of_motions():
+    rate = lambda a_case: predict(a_case, initial_rows(a_case), 1).steps * 0.5 * L0  # noqa: E731, speed where the end is 1 s
+    gate = Wall(name="gate", shape=Box(lower=(0.6, 0), upper=(0.9, 0.6)), motion=Uniform(velocity=(0, 1000.0)))
+    at_rest = rate(case())
+    assert at_rest == pytest.approx(np.sqrt(2 * 9.81 * 0.3), rel=0.03)
+    assert rate(case(body=[tank(), gate])) == pytest.approx(1000.0)
+    assert rate(case(body=[tank(), gate.model_copy(update={"until": 0.25})])) == pytest.approx(250.0, rel=0.02)
+    assert rate(case(domain=Domain(motion=Uniform(velocity=(1000.0, 0.0))))) == pytest.approx(1000.0)
+    quick = Sinusoid(amplitude=(10.0, 0.0), period=0.1)  # 628 m/s, and the tank's water begins with it
+    in_tank = rate(case(domain=Domain(motion=quick, frame="tank")))
+    assert in_tank == pytest.approx(628.0, rel=0.02), "the mean of 1 - cos"
 
 
 def test_prediction_on_a_card_is_what_was_measured():

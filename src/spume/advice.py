@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import logging
 import math
 from collections.abc import Iterator
@@ -10,9 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from spume.moving import speeds
 from spume.named import Location
 from spume.outputs import Snapshot
 from spume.particles import FLUID
+from spume.prediction import fall_speed
 
 if TYPE_CHECKING:
     from spume.case import Case
@@ -20,11 +23,13 @@ if TYPE_CHECKING:
 log = logging.getLogger("spume")
 
 _SAMPLES = 2000  # rows of a fluid that are looked at
+_MONTH = 30 * 86400.0  # s
+_HASTY = (10.0, 50.0)  # speed of a motion, in those of a fall over the fluid's height, and in m/s
 _ALONG_PERIOD = 0.1  # share of gravity along a periodic axis from which on nothing falls out
 
 
 def warn(case: Case, snapshot: Snapshot) -> None:
-    """Warn of models that do not fit each other, of several densities, of fluid that falls, of gauges that see nothing.
+    """Warn of what the models, fluids, gauges and motions of a case are hardly meant to do.
 
     Args:
         case: the case.
@@ -33,8 +38,28 @@ def warn(case: Case, snapshot: Snapshot) -> None:
     caution = case.step.caution()
     if caution:
         log.warning("%s: %s", case.origin.name(("step",)) or "step", caution)
-    for loc, sentence in (*_densities(case), *_falling(case, snapshot), *_blind(case, snapshot)):
+    found = (
+        _densities(case),
+        _falling(case, snapshot),
+        _blind(case, snapshot),
+        _crossing(case, snapshot),
+        _hasty(case, snapshot),
+    )
+    for loc, sentence in itertools.chain.from_iterable(found):
         log.warning("%s: %s", case.origin.name(loc), sentence)
+
+
+def warn_of_time(case: Case, seconds: float) -> None:
+    """Warn of a run that would take longer than anybody waits; `seconds` is its predicted wall time."""
+    if seconds > _MONTH:
+        log.warning(
+            "%s: to t = %g s at a spacing of %g m it would run for about %.3g days: end it earlier, or choose a larger "
+            "spacing or a faster device",
+            case.origin.name(("time", "end")),
+            case.time.end,
+            case.spacing,
+            seconds / 86400.0,
+        )
 
 
 def _densities(case: Case) -> Iterator[tuple[Location, str]]:
@@ -126,3 +151,41 @@ def _nearest_solid(snapshot: Snapshot, point: NDArray[np.float64]) -> float:
     """Return the distance [m] from a point, shape (d,), to the nearest row of a body."""
     solid = snapshot["position"][snapshot["kind"] != FLUID]
     return float(np.linalg.norm(solid - point, axis=1).min(initial=math.inf))
+
+
+def _crossing(case: Case, snapshot: Snapshot) -> Iterator[tuple[Location, str]]:
+    """Yield bodies whose motion takes them through others."""
+    from spume.build import grid_of
+    from spume.paths import crossings
+
+    for index, other, t in crossings(case, grid_of(case), snapshot):
+        yield (
+            ("body", index, "motion"),
+            f"runs into body {case.body[other].name!r} at t = {t:.3g} s: nothing stops it, and from then on particles "
+            "of both lie in each other; end the motion before, take one of the two away (until), or move it",
+        )
+
+
+def _elsewhen(case: Case) -> Iterator[tuple[Location, str]]:
+    """Yield references all of whose instants lie before or after the run."""
+    for index, reference in enumerate(case.reference):
+        time = reference.load().time * reference.time_scale
+        reach = reference.shift_max * reference.time_scale
+        if time.max() < -reach or time.min() > case.time.end + reach:
+            yield (
+                ("reference", index, "file"),
+                f"its instants, {time.min():g} to {time.max():g} s, lie outside of the run, 0 to {case.time.end:g} s: "
+                "nothing will be compared; check time_column and time_scale",
+            )
+
+
+def _hasty(case: Case, snapshot: Snapshot) -> Iterator[tuple[Location, str]]:
+    """Yield motions faster than anything that the case's water does by itself."""
+    fall = fall_speed(case, snapshot["position"][snapshot["kind"] == FLUID])
+    for loc, speed in speeds(case).items():
+        if speed.max() > max(_HASTY[0] * fall, _HASTY[1]):
+            yield (
+                loc,
+                f"reaches {speed.max():.3g} m/s, where a fall over the height of the water gives {fall:.3g} m/s: is it "
+                "in metres and seconds? A column without a unit is taken as metres",
+            )
