@@ -165,6 +165,18 @@ class TestMotions:
         assert "time.end: to t = 1 s at a spacing of 0.05 m it would run for about 3.47e+04 days" in caplog.text
 
 
+@pytest.mark.parametrize(
+    ("more", "warned"),
+    [({}, True), ({"time_scale": 0.04}, False), ({"shift_max": 10.0}, False), ({"time_scale": 1e-3}, False)],
+)
+def test_a_reference_of_another_time(said, tmp_path, more, warned):
+    (tmp_path / "r.csv").write_text("t,p\n10,1\n20,2\n")
+    gauges = (Pressure(name="p", at=(0.0, 0.1)),)
+    sentences = said(case_of(gauges=gauges, reference=[{"gauge": "p", "file": str(tmp_path / "r.csv"), **more}]))
+    assert len(sentences) == warned
+    assert not warned or "its instants, 10 to 20 s, lie outside of the run, 0 to 1 s" in sentences[0]
+
+
 @pytest.mark.parametrize("name", ["dam-break", "hydrostatic", "poiseuille", "standing-wave", "taylor-green"])
 def test_built_in_cases_are_meant(said, name):
     assert name in built_in_cases()

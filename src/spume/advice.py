@@ -38,13 +38,8 @@ def warn(case: Case, snapshot: Snapshot) -> None:
     caution = case.step.caution()
     if caution:
         log.warning("%s: %s", case.origin.name(("step",)) or "step", caution)
-    found = (
-        _densities(case),
-        _falling(case, snapshot),
-        _blind(case, snapshot),
-        _crossing(case, snapshot),
-        _hasty(case, snapshot),
-    )
+    of_rows = (_falling, _blind, _crossing, _hasty)
+    found = (_densities(case), *(judge(case, snapshot) for judge in of_rows), _elsewhen(case))
     for loc, sentence in itertools.chain.from_iterable(found):
         log.warning("%s: %s", case.origin.name(loc), sentence)
 
