@@ -103,6 +103,33 @@ def test_several_densities_are_not_validated(said):
     assert said(case_of().model_copy(update={"fluid": same})) == []
 
 
+class TestCorners:
+    """Walls of two bodies beside a particle, and nothing where they should meet."""
+
+    lid = spume.Box(lower=[0.0, 0.6], upper=[1.0, 0.8])
+
+    def test_a_lid_as_wide_as_the_room_leaves_its_corners_open(self, said):
+        full = water([0.0, 0.0], [1.0, 0.6])
+        (sentence,) = said(case_of(full, (TANK, spume.Wall(name="lid", shape=self.lid, layers=4))))
+        assert "body.1.shape: and body 'tank' meet at a corner of the fluid with nothing in it, at (" in sentence
+        assert "let one of them reach over the other by its thickness, 0.2 m" in sentence
+        wider = spume.Box(lower=[-0.15, 0.6], upper=[1.15, 0.8])
+        assert said(case_of(full, (TANK, spume.Wall(name="lid", shape=wider)))) == []
+
+    def test_where_no_fluid_is_yet_nothing_is_said(self, said):
+        assert said(case_of(bodies=(TANK, spume.Wall(name="lid", shape=self.lid)))) == []
+
+    def test_along_an_edge_in_three_dimensions(self, said):
+        tank = spume.Tank(lower=[0.0, 0.0, 0.0], upper=[0.4, 0.4, 0.4], open=["top"])
+        fluid = spume.Fluid(name="water", shape=spume.Box(lower=[0.0, 0.0, 0.0], upper=[0.4, 0.4, 0.4]))
+        for beyond, warned in ((0.0, 1), (0.15, 0)):
+            lid = spume.Box(lower=[0.0, -beyond, 0.4], upper=[0.4 + beyond, 0.4 + beyond, 0.6])
+            bodies = (spume.Wall(name="tank", shape=tank), spume.Wall(name="lid", shape=lid))
+            assert len(said(case_of(fluid, bodies, dimension=3))) == 1, "the left edge is open either way"
+            lid = spume.Box(lower=[-beyond, -beyond, 0.4], upper=[0.4 + beyond, 0.4 + beyond, 0.6])
+            assert len(said(case_of(fluid, (bodies[0], spume.Wall(name="lid", shape=lid)), dimension=3))) == warned
+
+
 class TestMotions:
     """What a body that moves is hardly meant to do."""
 

@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 
 from spume.moving import speeds
 from spume.named import Location
+from spume.occupied import among, keys_of
 from spume.outputs import Snapshot
 from spume.particles import FLUID
 from spume.prediction import fall_speed
+from spume.problems import point_text
 
 if TYPE_CHECKING:
     from spume.case import Case
@@ -38,7 +40,7 @@ def warn(case: Case, snapshot: Snapshot) -> None:
     caution = case.step.caution()
     if caution:
         log.warning("%s: %s", case.origin.name(("step",)) or "step", caution)
-    of_rows = (_falling, _blind, _crossing, _hasty)
+    of_rows = (_falling, _blind, _leaking, _crossing, _hasty)
     found = (_densities(case), *(judge(case, snapshot) for judge in of_rows), _elsewhen(case))
     for loc, sentence in itertools.chain.from_iterable(found):
         log.warning("%s: %s", case.origin.name(loc), sentence)
@@ -146,6 +148,46 @@ def _nearest_solid(snapshot: Snapshot, point: NDArray[np.float64]) -> float:
     """Return the distance [m] from a point, shape (d,), to the nearest row of a body."""
     solid = snapshot["position"][snapshot["kind"] != FLUID]
     return float(np.linalg.norm(solid - point, axis=1).min(initial=math.inf))
+
+
+def _leaking(case: Case, snapshot: Snapshot) -> Iterator[tuple[Location, str]]:
+    """Yield bodies that meet at a corner of the fluid with nothing in it: two walls beside it, and a gap between."""
+    from spume.build import grid_of
+
+    if len(case.body) < 2:
+        return
+    grid = grid_of(case)
+    kind = snapshot["kind"]
+    fluid = grid.cells(snapshot["position"][kind == FLUID])
+    solid = keys_of(grid.cells(snapshot["position"][kind != FLUID]), grid, case)
+    order = np.argsort(solid, kind="stable")
+    solid, owner = solid[order], snapshot["body"][kind != FLUID][order]
+    steps = np.concatenate([np.eye(case.dimension, dtype=np.int64), -np.eye(case.dimension, dtype=np.int64)])
+    beside = np.full((len(steps), len(fluid)), -1)  # body in the cell beside, by direction
+    for found, step in zip(beside, steps, strict=True) if len(solid) else ():
+        keys = keys_of(fluid + step, grid, case)
+        place = np.minimum(np.searchsorted(solid, keys), len(solid) - 1)
+        found[:] = np.where(solid[place] == keys, owner[place], -1)
+    said = set()
+    for a, b in itertools.combinations(range(len(steps)), 2):
+        corner = np.flatnonzero((beside[a] >= 0) & (beside[b] >= 0) & (beside[a] != beside[b]))
+        cells = fluid[corner] + steps[a] + steps[b]
+        keys, points = keys_of(cells, grid, case), grid.centres(cells)
+        open_ = ~among(keys, solid) & ~among(keys, keys_of(fluid, grid, case)) if len(corner) else np.empty(0, bool)
+        for body in case.body if open_.any() else ():
+            open_ &= ~body.core(points, grid.spacing, grid.origin)
+        for row, point in zip(corner[open_], points[open_], strict=True):
+            first, second = sorted((int(beside[a, row]), int(beside[b, row])))
+            if (first, second) in said:
+                continue
+            said.add((first, second))
+            reach = max(getattr(case.body[index], "layers", 1) for index in (first, second)) * case.spacing
+            yield (
+                ("body", second, "shape"),
+                f"and body {case.body[first].name!r} meet at a corner of the fluid with nothing in it, at "
+                f"{point_text(point)} m: water is pressed out there; let one of them reach over the other by its "
+                f"thickness, {reach:g} m",
+            )
 
 
 def _crossing(case: Case, snapshot: Snapshot) -> Iterator[tuple[Location, str]]:
