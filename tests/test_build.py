@@ -172,7 +172,7 @@ def test_a_face_off_the_lattice_is_said(caplog):
     odd = Wall(name="tank", shape=Tank(lower=(0, 0), upper=(1.64, 0.6), open=("top",)))
     with caplog.at_level("WARNING", logger="spume"):
         initial_rows(case(body=[odd]))
-    assert "upper x = 1.64 m is no multiple of the spacing: moved to 1.6 m" in caplog.text
+    assert "upper x = 1.64 m is no multiple of the spacing of 0.1 m: moved to 1.6 m" in caplog.text
 
 
 class TestSeveralBodies:
@@ -286,6 +286,17 @@ def test_a_case_without_walls_and_any_shape():
     shape = Polygon(vertices=((0, 0), (1, 0), (0.5, 1)))
     rows = initial_rows(case([Fluid(name="drop", shape=shape)], []))
     assert len(rows["kind"]) * L0**2 == pytest.approx(0.5, rel=0.1)
+
+
+def test_a_room_that_is_taken_for_a_solid():
+    room = Wall(name="room", shape=Box(lower=(-0.1, -0.1), upper=(1.0, 0.6)))
+    hint = """; if its shape is the room that holds the water, say wetted = "inside\""""
+    assert complaint(case(body=[room])).endswith(
+        f"18 of the 18 particles of fluid 'water' lie in body 'room', the first at (0.05, 0.05) m{hint}"
+    )
+    block = Wall(name="block", shape=Box(lower=(0.3, 0), upper=(0.6, 0.6)))
+    assert "wetted" not in complaint(case(body=[tank(), block]))
+    assert initial_rows(case(body=[room.model_copy(update={"wetted": "inside"})]))
 
 
 def test_prediction_grows_with_the_case():

@@ -298,6 +298,8 @@ def test_what_cannot_be_continued_says_so(copy, whole, tmp_path):
     (tmp_path / "empty").mkdir()
     refused(tmp_path / "empty", "neither case.toml nor checkpoint.h5 is in it")
     refused(whole, "this run is finished, at t = 0.12 s; to go on: spume run --resume")
+    early = "--set time.end=0.05: lies before the time that the run has reached, t = 0.12 s"
+    refused(whole, early, "time.end=0.05")
     refused(copy, "fluid.0.density = 900.0: was 1000.0", "fluid.water.density=900")
     refused(copy, "a run that is continued may change only time.end, time.courant", "spacing=0.03")
     assert "density = 1000.0" in (copy / "case.toml").read_text(), "a refused change must leave no trace"

@@ -326,6 +326,8 @@ def _check_fluid_and_walls(case: Case, grid: Grid, wet: Sequence[NDArray[np.floa
                 first = point_text(points[hit][0])
                 message = f"{int(hit.sum())} of the {len(points)} particles of fluid {fluid.name!r} lie in "
                 message += f"body {body.name!r}, the first at {first} m"
+                if hit.all() and not getattr(body, "wet_inside", True):
+                    message += '; if its shape is the room that holds the water, say wetted = "inside"'
                 problems.append(case.problem(("fluid", index, "shape"), message))
     if problems:
         raise CaseError(problems)
