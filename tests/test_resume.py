@@ -385,6 +385,29 @@ def test_a_run_stops_before_its_wall_time_is_over(whole, tmp_path):
     assert_same(whole, folder)
 
 
+def test_early_in_a_run_checkpoints_come_sooner(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr("spume.outputs.checkpoint.time.monotonic", lambda: now[0])
+
+    def instants(interval, seconds):
+        now[0], found = 0.0, []
+        kept = checkpoint.Checkpoint(spume.outputs.OutputSettings(checkpoint_interval=interval))
+        kept.seconds = seconds
+        kept._wait()
+        while len(found) < 40:
+            now[0] = kept._next
+            found.append(now[0])
+            kept._wait()
+        return np.array(found)
+
+    usual = instants(600.0, 0.01)
+    assert usual[:4].tolist() == [5.0, 10.0, 15.0, 20.0]
+    assert np.all(np.diff(usual) <= np.maximum(5.0, 0.25 * usual[:-1]) + 1e-9), "a fifth of the run is lost at most"
+    assert np.diff(usual)[-1] == 600.0
+    assert instants(2.0, 0.01)[:3].tolist() == [2.0, 4.0, 6.0], "never later than the interval"
+    assert np.all(np.diff(instants(600.0, 1.0)) >= 20.0), "a twentieth of the time at most"
+
+
 def test_what_the_end_needs_is_kept_back(monkeypatch):
     now = [0.0]
     monkeypatch.setattr("spume.run.wall.monotonic", lambda: now[0])
