@@ -6,7 +6,8 @@ import pytest
 from spume.bodies import Wall
 from spume.build import build, check_gauges, grid_of, initial_rows
 from spume.case import Case, CaseError, Domain, Fluid, Time, built_in_cases, load
-from spume.geometry import Box, Polygon, Sphere, Tank
+from spume.geometry import Box, Difference, Polygon, Sphere, Tank
+from spume.motion import Sinusoid, Uniform
 from spume.particles import DUMMY, FLUID, WALL
 from spume.prediction import predict
 
@@ -171,7 +172,7 @@ def test_a_face_off_the_lattice_is_said(caplog):
     odd = Wall(name="tank", shape=Tank(lower=(0, 0), upper=(1.64, 0.6), open=("top",)))
     with caplog.at_level("WARNING", logger="spume"):
         initial_rows(case(body=[odd]))
-    assert "upper x = 1.64 m is no multiple of the spacing: moved to 1.6 m" in caplog.text
+    assert "upper x = 1.64 m is no multiple of the spacing of 0.1 m: moved to 1.6 m" in caplog.text
 
 
 class TestSeveralBodies:
@@ -287,6 +288,17 @@ def test_a_case_without_walls_and_any_shape():
     assert len(rows["kind"]) * L0**2 == pytest.approx(0.5, rel=0.1)
 
 
+def test_a_room_that_is_taken_for_a_solid():
+    room = Wall(name="room", shape=Box(lower=(-0.1, -0.1), upper=(1.0, 0.6)))
+    hint = """; if its shape is the room that holds the water, say wetted = "inside\""""
+    assert complaint(case(body=[room])).endswith(
+        f"18 of the 18 particles of fluid 'water' lie in body 'room', the first at (0.05, 0.05) m{hint}"
+    )
+    block = Wall(name="block", shape=Box(lower=(0.3, 0), upper=(0.6, 0.6)))
+    assert "wetted" not in complaint(case(body=[tank(), block]))
+    assert initial_rows(case(body=[room.model_copy(update={"wetted": "inside"})]))
+
+
 def test_prediction_grows_with_the_case():
     a_case = load("dam-break")
     few = predict(a_case, initial_rows(a_case), 2)
@@ -296,6 +308,19 @@ def test_prediction_grows_with_the_case():
     assert many.steps == pytest.approx(2 * few.steps, rel=0.02)
     assert many.seconds > 6 * (few.seconds - 10.0)
     assert many.bytes > few.bytes
+
+
+def test_prediction_knows_the_speed_of_motions():
+    rate = lambda a_case: predict(a_case, initial_rows(a_case), 1).steps * 0.5 * L0  # noqa: E731, speed where the end is 1 s
+    gate = Wall(name="gate", shape=Box(lower=(0.6, 0), upper=(0.9, 0.6)), motion=Uniform(velocity=(0, 1000.0)))
+    at_rest = rate(case())
+    assert at_rest == pytest.approx(np.sqrt(2 * 9.81 * 0.3), rel=0.03)
+    assert rate(case(body=[tank(), gate])) == pytest.approx(1000.0)
+    assert rate(case(body=[tank(), gate.model_copy(update={"until": 0.25})])) == pytest.approx(250.0, rel=0.02)
+    assert rate(case(domain=Domain(motion=Uniform(velocity=(1000.0, 0.0))))) == pytest.approx(1000.0)
+    quick = Sinusoid(amplitude=(10.0, 0.0), period=0.1)  # 628 m/s, and the tank's water begins with it
+    in_tank = rate(case(domain=Domain(motion=quick, frame="tank")))
+    assert in_tank == pytest.approx(628.0, rel=0.02), "the mean of 1 - cos"
 
 
 def test_prediction_on_a_card_is_what_was_measured():
@@ -322,3 +347,66 @@ def test_a_domain_that_ends_inside_a_wall_is_refused():
     )  # fmt: skip
     with pytest.raises(CaseError, match=r"domain.lower: and upper leave out 213 of 363 rows, of tank"):
         build(case)
+
+
+class TestFluidsOnEachOther:
+    """A hydrostatic pressure carries what stands on the fluid."""
+
+    def layers(self, upper=None, lower="hydrostatic", **more):
+        upper = upper or {"lower": (0.0, 0.3), "upper": (0.6, 0.5)}
+        oil = Fluid(name="oil", shape=Box(**upper), density=850.0, **more)
+        return [Fluid(name="water", shape=Box(lower=(0, 0), upper=(0.6, 0.3)), initial=lower), oil]
+
+    def pressure(self, fluids, **more):
+        rows = initial_rows(case(fluids, **more))
+        return rows, rows["position"], rows["pressure"], rows["kind"] == FLUID
+
+    @pytest.mark.parametrize("upper", ["rest", "hydrostatic"])
+    def test_layers_are_exact_also_in_the_walls(self, upper):
+        rows, x, p, fluid = self.pressure(self.layers(initial=upper))
+        water = rows["material"] == 0
+        exact = 9.81 * np.where(x[:, 1] < 0.3, 850.0 * 0.2 + 1000.0 * (0.3 - x[:, 1]), 850.0 * (0.5 - x[:, 1]))
+        assert p[fluid & water] == pytest.approx(exact[fluid & water], rel=1e-12)
+        wall = ~fluid & water & (p > 0.0)
+        assert p[wall] == pytest.approx(exact[wall], rel=1e-12)
+        assert {tuple(c) for c in np.round(x[wall] / L0 - 0.5).astype(int)} >= {(0, -1), (-1, 0), (-1, 2)}
+        assert (p[fluid & ~water] > 0.0).all() == (upper == "hydrostatic")
+
+    def test_what_does_not_stand_on_it_does_not_weigh_on_it(self):
+        alone = self.pressure(self.layers()[:1])
+        for box in ({"lower": (0.6, 0.0), "upper": (0.9, 0.6)}, {"lower": (0.0, 0.4), "upper": (0.6, 0.6)}):
+            _, _, p, fluid = self.pressure(self.layers(box))
+            assert np.array_equal(p[fluid][:18], alone[2][alone[3]])
+        _, x, p, _ = self.pressure(self.layers({"lower": (0.0, 0.3), "upper": (0.2, 0.5)}))
+        assert p[:18] == pytest.approx(9.81 * (1000.0 * (0.3 - x[:18, 1]) + 170.0 * (x[:18, 0] < 0.2)))
+
+    def test_one_fluid_between_two_parts_of_another(self):
+        layer = Box(lower=(0.0, 0.1), upper=(0.6, 0.2))
+        whole = Difference(of=Box(lower=(0, 0), upper=(0.6, 0.3)), without=[layer])
+        fluids = [
+            Fluid(name="water", shape=whole, initial="hydrostatic"),
+            Fluid(name="oil", shape=layer, density=850.0),
+        ]
+        rows, x, p, fluid = self.pressure(fluids)
+        water = fluid & (rows["material"] == 0)
+        exact = 9.81 * (1000.0 * (0.3 - x[:, 1]) - 15.0 * (x[:, 1] < 0.1))
+        assert p[water] == pytest.approx(exact[water], rel=1e-12)
+
+    def test_a_surface_that_is_given_says_all(self):
+        given = {"kind": "hydrostatic", "surface": 0.47}
+        _, x, p, _ = self.pressure(self.layers(lower=given))
+        assert p[:18] == pytest.approx(9810.0 * (0.47 - x[:18, 1]), rel=1e-12)
+
+    def test_up_is_against_gravity(self):
+        right = [
+            Fluid(name="water", shape=Box(lower=(0.3, 0.0), upper=(0.6, 0.6)), initial="hydrostatic"),
+            Fluid(name="oil", shape=Box(lower=(0.0, 0.0), upper=(0.3, 0.6)), density=850.0),
+        ]
+        _, x, p, _ = self.pressure(right, domain=Domain(gravity=(2.0, 0.0)))
+        assert p[:18] == pytest.approx(2.0 * (255.0 + 1000.0 * (x[:18, 0] - 0.3)), rel=1e-12)
+
+    def test_a_column_does_not_go_round_a_period(self):
+        domain = Domain(periodic=["y"], lower=(0.0, 0.0), upper=(0.6, 0.6))
+        fluids = self.layers({"lower": (0.0, 0.3), "upper": (0.6, 0.6)})
+        _, x, p, _ = self.pressure(fluids, body=[], domain=domain)
+        assert p[:18] == pytest.approx(9.81 * (255.0 + 1000.0 * (0.3 - x[:18, 1])), rel=1e-12)

@@ -236,6 +236,22 @@ def test_a_folder_that_was_there_stays_where_a_run_is_refused(call, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["mine"]
 
 
+def test_results_are_promised_once_they_have_a_place(call):
+    result = call("run", "dam-break", "--set", "spacing=1e-5")
+    assert result.exit_code == 2
+    assert "results in" not in result.output
+
+
+def test_a_folder_that_cannot_be_made(call, tmp_path, monkeypatch):
+    def refused(folder, **_):
+        raise FileNotFoundError(2, "No such file or directory")
+
+    monkeypatch.setattr("pathlib.Path.mkdir", refused)
+    result = call("run", "dam-break", "--out", tmp_path / "nowhere")
+    assert result.exit_code == 2
+    assert "nowhere cannot be made: No such file or directory; choose another folder (--out)" in result.output
+
+
 def test_an_existing_run_is_not_touched(call, tmp_path, monkeypatch):
     monkeypatch.setattr(spume.run, "run", lambda case, folder, **_: spume.run.Run(case, Ended(), folder, "finished"))
     (tmp_path / "dam-break").mkdir()

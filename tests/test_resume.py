@@ -299,6 +299,8 @@ def test_what_cannot_be_continued_says_so(copy, whole, tmp_path):
     (tmp_path / "empty").mkdir()
     refused(tmp_path / "empty", "neither case.toml nor checkpoint.h5 is in it")
     refused(whole, "this run is finished, at t = 0.12 s; to go on: spume run --resume")
+    early = "--set time.end=0.05: lies before the time that the run has reached, t = 0.12 s"
+    refused(whole, early, "time.end=0.05")
     refused(copy, "fluid.0.density = 900.0: was 1000.0", "fluid.water.density=900")
     refused(copy, "a run that is continued may change only time.end, time.courant", "spacing=0.03")
     assert "density = 1000.0" in (copy / "case.toml").read_text(), "a refused change must leave no trace"
@@ -394,6 +396,29 @@ def test_a_run_stops_before_its_wall_time_is_over(whole, tmp_path):
     assert summary.read(folder)["reason"] == "the wall time of 0.001 s is used up"
     assert spume.resume(folder, max_wall_time=3600.0).status == "finished"
     assert_same(whole, folder)
+
+
+def test_early_in_a_run_checkpoints_come_sooner(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr("spume.outputs.checkpoint.time.monotonic", lambda: now[0])
+
+    def instants(interval, seconds):
+        now[0], found = 0.0, []
+        kept = checkpoint.Checkpoint(spume.outputs.OutputSettings(checkpoint_interval=interval))
+        kept.seconds = seconds
+        kept._wait()
+        while len(found) < 40:
+            now[0] = kept._next
+            found.append(now[0])
+            kept._wait()
+        return np.array(found)
+
+    usual = instants(600.0, 0.01)
+    assert usual[:4].tolist() == [5.0, 10.0, 15.0, 20.0]
+    assert np.all(np.diff(usual) <= np.maximum(5.0, 0.25 * usual[:-1]) + 1e-9), "a fifth of the run is lost at most"
+    assert np.diff(usual)[-1] == 600.0
+    assert instants(2.0, 0.01)[:3].tolist() == [2.0, 4.0, 6.0], "never later than the interval"
+    assert np.all(np.diff(instants(600.0, 1.0)) >= 20.0), "a twentieth of the time at most"
 
 
 def test_what_the_end_needs_is_kept_back(monkeypatch):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import logging
 import math
 from collections.abc import Iterator
@@ -10,9 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from spume.moving import speeds
 from spume.named import Location
+from spume.occupied import among, keys_of
 from spume.outputs import Snapshot
 from spume.particles import FLUID
+from spume.prediction import fall_speed
+from spume.problems import point_text
 
 if TYPE_CHECKING:
     from spume.case import Case
@@ -20,11 +25,13 @@ if TYPE_CHECKING:
 log = logging.getLogger("spume")
 
 _SAMPLES = 2000  # rows of a fluid that are looked at
+_MONTH = 30 * 86400.0  # s
+_HASTY = (10.0, 50.0)  # speed of a motion, in those of a fall over the fluid's height, and in m/s
 _ALONG_PERIOD = 0.1  # share of gravity along a periodic axis from which on nothing falls out
 
 
 def warn(case: Case, snapshot: Snapshot) -> None:
-    """Warn of models that do not fit each other, of several densities, of fluid that falls, of gauges that see nothing.
+    """Warn of what the models, fluids, gauges and motions of a case are hardly meant to do.
 
     Args:
         case: the case.
@@ -33,8 +40,23 @@ def warn(case: Case, snapshot: Snapshot) -> None:
     caution = case.step.caution()
     if caution:
         log.warning("%s: %s", case.origin.name(("step",)) or "step", caution)
-    for loc, sentence in (*_densities(case), *_falling(case, snapshot), *_blind(case, snapshot)):
+    of_rows = (_falling, _blind, _leaking, _crossing, _hasty)
+    found = (_densities(case), *(judge(case, snapshot) for judge in of_rows), _elsewhen(case))
+    for loc, sentence in itertools.chain.from_iterable(found):
         log.warning("%s: %s", case.origin.name(loc), sentence)
+
+
+def warn_of_time(case: Case, seconds: float) -> None:
+    """Warn of a run that would take longer than anybody waits; `seconds` is its predicted wall time."""
+    if seconds > _MONTH:
+        log.warning(
+            "%s: to t = %g s at a spacing of %g m it would run for about %.3g days: end it earlier, or choose a larger "
+            "spacing or a faster device",
+            case.origin.name(("time", "end")),
+            case.time.end,
+            case.spacing,
+            seconds / 86400.0,
+        )
 
 
 def _densities(case: Case) -> Iterator[tuple[Location, str]]:
@@ -126,3 +148,81 @@ def _nearest_solid(snapshot: Snapshot, point: NDArray[np.float64]) -> float:
     """Return the distance [m] from a point, shape (d,), to the nearest row of a body."""
     solid = snapshot["position"][snapshot["kind"] != FLUID]
     return float(np.linalg.norm(solid - point, axis=1).min(initial=math.inf))
+
+
+def _leaking(case: Case, snapshot: Snapshot) -> Iterator[tuple[Location, str]]:
+    """Yield bodies that meet at a corner of the fluid with nothing in it: two walls beside it, and a gap between."""
+    from spume.build import grid_of
+
+    if len(case.body) < 2:
+        return
+    grid = grid_of(case)
+    kind = snapshot["kind"]
+    fluid = grid.cells(snapshot["position"][kind == FLUID])
+    solid = keys_of(grid.cells(snapshot["position"][kind != FLUID]), grid, case)
+    order = np.argsort(solid, kind="stable")
+    solid, owner = solid[order], snapshot["body"][kind != FLUID][order]
+    steps = np.concatenate([np.eye(case.dimension, dtype=np.int64), -np.eye(case.dimension, dtype=np.int64)])
+    beside = np.full((len(steps), len(fluid)), -1)  # body in the cell beside, by direction
+    for found, step in zip(beside, steps, strict=True) if len(solid) else ():
+        keys = keys_of(fluid + step, grid, case)
+        place = np.minimum(np.searchsorted(solid, keys), len(solid) - 1)
+        found[:] = np.where(solid[place] == keys, owner[place], -1)
+    said = set()
+    for a, b in itertools.combinations(range(len(steps)), 2):
+        corner = np.flatnonzero((beside[a] >= 0) & (beside[b] >= 0) & (beside[a] != beside[b]))
+        cells = fluid[corner] + steps[a] + steps[b]
+        keys, points = keys_of(cells, grid, case), grid.centres(cells)
+        open_ = ~among(keys, solid) & ~among(keys, keys_of(fluid, grid, case)) if len(corner) else np.empty(0, bool)
+        for body in case.body if open_.any() else ():
+            open_ &= ~body.core(points, grid.spacing, grid.origin)
+        for row, point in zip(corner[open_], points[open_], strict=True):
+            first, second = sorted((int(beside[a, row]), int(beside[b, row])))
+            if (first, second) in said:
+                continue
+            said.add((first, second))
+            reach = max(getattr(case.body[index], "layers", 1) for index in (first, second)) * case.spacing
+            yield (
+                ("body", second, "shape"),
+                f"and body {case.body[first].name!r} meet at a corner of the fluid with nothing in it, at "
+                f"{point_text(point)} m: water is pressed out there; let one of them reach over the other by its "
+                f"thickness, {reach:g} m",
+            )
+
+
+def _crossing(case: Case, snapshot: Snapshot) -> Iterator[tuple[Location, str]]:
+    """Yield bodies whose motion takes them through others."""
+    from spume.build import grid_of
+    from spume.paths import crossings
+
+    for index, other, t in crossings(case, grid_of(case), snapshot):
+        yield (
+            ("body", index, "motion"),
+            f"runs into body {case.body[other].name!r} at t = {t:.3g} s: nothing stops it, and from then on particles "
+            "of both lie in each other; end the motion before, take one of the two away (until), or move it",
+        )
+
+
+def _elsewhen(case: Case) -> Iterator[tuple[Location, str]]:
+    """Yield references all of whose instants lie before or after the run."""
+    for index, reference in enumerate(case.reference):
+        time = reference.load().time * reference.time_scale
+        reach = reference.shift_max * reference.time_scale
+        if time.max() < -reach or time.min() > case.time.end + reach:
+            yield (
+                ("reference", index, "file"),
+                f"its instants, {time.min():g} to {time.max():g} s, lie outside of the run, 0 to {case.time.end:g} s: "
+                "nothing will be compared; check time_column and time_scale",
+            )
+
+
+def _hasty(case: Case, snapshot: Snapshot) -> Iterator[tuple[Location, str]]:
+    """Yield motions faster than anything that the case's water does by itself."""
+    fall = fall_speed(case, snapshot["position"][snapshot["kind"] == FLUID])
+    for loc, speed in speeds(case).items():
+        if speed.max() > max(_HASTY[0] * fall, _HASTY[1]):
+            yield (
+                loc,
+                f"reaches {speed.max():.3g} m/s, where a fall over the height of the water gives {fall:.3g} m/s: is it "
+                "in metres and seconds? A column without a unit is taken as metres",
+            )

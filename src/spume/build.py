@@ -27,6 +27,7 @@ from spume.particles import BASE_FIELDS, DUMMY, FLUID, WALL
 from spume.prediction import host_bytes_per_row, memory
 from spume.problems import Problem, point_text
 from spume.region import region
+from spume.stacked import loads
 
 if TYPE_CHECKING:
     from spume.simulation import Simulation
@@ -89,8 +90,9 @@ def initial_rows(case: Case) -> Rows:
     solid = _body_rows(case, grid)
     _check_plates(case, grid, solid)
     _check_fluid_and_walls(case, grid, wet, solid)
-    rows = _join([*_fluid_rows(case, grid, wet), *solid], case.dimension)
-    _adopt_fluid(case, rows)
+    above = loads(case, grid, wet)
+    rows = _join([*_fluid_rows(case, grid, wet, above), *solid], case.dimension)
+    _adopt_fluid(case, rows, np.concatenate(above))
     _check_memory(case, len(rows["kind"]))
     return rows
 
@@ -147,11 +149,13 @@ def _fluid_cells(case: Case, grid: Grid) -> list[NDArray[np.float64]]:
     return found
 
 
-def _fluid_rows(case: Case, grid: Grid, wet: Sequence[NDArray[np.float64]]) -> list[Rows]:
+def _fluid_rows(
+    case: Case, grid: Grid, wet: Sequence[NDArray[np.float64]], above: Sequence[NDArray[np.float64]]
+) -> list[Rows]:
     """Return the rows of each fluid: displaced, disturbed and set in motion by its initial fields."""
     tables = []
     for index, (fluid, cells) in enumerate(zip(case.fluid, wet, strict=True)):
-        setting = _setting(case, index, grid)
+        setting = _setting(case, index, grid, above[index])
         points = cells
         try:
             for field in fluid.initial:
@@ -182,11 +186,11 @@ def _fluid_rows(case: Case, grid: Grid, wet: Sequence[NDArray[np.float64]]) -> l
     return tables
 
 
-def _setting(case: Case, index: int, grid: Grid) -> Setting:
+def _setting(case: Case, index: int, grid: Grid, above: NDArray[np.float64]) -> Setting:
     fluid = case.fluid[index]
     lower, upper = fluid.shape.snapped(grid)[0].bounds()
     assert case.domain.gravity is not None
-    return Setting(fluid.density, case.domain.gravity.at(0.0), lower, upper)
+    return Setting(fluid.density, case.domain.gravity.at(0.0), lower, upper, above)
 
 
 def _wrapped(case: Case, points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -322,6 +326,8 @@ def _check_fluid_and_walls(case: Case, grid: Grid, wet: Sequence[NDArray[np.floa
                 first = point_text(points[hit][0])
                 message = f"{int(hit.sum())} of the {len(points)} particles of fluid {fluid.name!r} lie in "
                 message += f"body {body.name!r}, the first at {first} m"
+                if hit.all() and not getattr(body, "wet_inside", True):
+                    message += '; if its shape is the room that holds the water, say wetted = "inside"'
                 problems.append(case.problem(("fluid", index, "shape"), message))
     if problems:
         raise CaseError(problems)
@@ -377,8 +383,11 @@ def _join(tables: Sequence[Rows], dimension: int) -> Rows:
     return rows
 
 
-def _adopt_fluid(case: Case, rows: Rows) -> None:
-    """Give every solid row the material of the nearest fluid, and its initial pressure where it is wet."""
+def _adopt_fluid(case: Case, rows: Rows, above: NDArray[np.float64]) -> None:
+    """Give every solid row the material of the nearest fluid, and its initial pressure where it is wet.
+
+    `above` is what stands on the fluid's rows [Pa], shape (fluid rows,); a wall row's column is that of the nearest.
+    """
     from scipy.spatial import cKDTree
 
     fluid = rows["kind"] == FLUID
@@ -391,11 +400,12 @@ def _adopt_fluid(case: Case, rows: Rows) -> None:
         distance, nearest = tree.query(rows["position"][solid], distance_upper_bound=reach, workers=-1)
         if len(case.fluid) > 1:
             rows["material"][solid] = rows["material"][fluid][nearest]
-        wet = solid[distance < 1.5 * case.spacing]
+        near = distance < 1.5 * case.spacing
+        wet, above = solid[near], above[nearest[near]]
         grid = grid_of(case)
         for index, entry in enumerate(case.fluid):
-            mine = wet[rows["material"][wet] == index]
-            setting = _setting(case, index, grid)
+            of_it = rows["material"][wet] == index
+            mine, setting = wet[of_it], _setting(case, index, grid, above[of_it])
             for field in entry.initial:
                 rows["pressure"][mine] += field.pressure(rows["position"][mine], setting)
     density = np.array([entry.density for entry in case.fluid])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -441,7 +442,7 @@ def load(
         text = path.read_bytes().decode("utf-8-sig")
         document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise CaseError([_syntax(shown, error)]) from None
+        raise CaseError([_syntax(shown, text, error)]) from None
     except (OSError, UnicodeDecodeError, RecursionError) as error:
         raise CaseError([Problem(shown, "", "", f"cannot be read as TOML: {error}")]) from None
     origins: dict[Location, str] = {}
@@ -470,11 +471,14 @@ def read(document: Mapping[str, Any], origin: Origin, *, folder: Path | None = N
     return case
 
 
-def _syntax(file: str, error: tomllib.TOMLDecodeError) -> Problem:
-    message = str(error)
-    text, _, place = message.partition(" (at ")
+def _syntax(file: str, document: str, error: tomllib.TOMLDecodeError) -> Problem:
+    text, _, place = str(error).partition(" (at ")
     line = "".join(c for c in place.partition("line ")[2].partition(",")[0] if c.isdigit())
-    return Problem(f"{file}:{line}" if line else file, "", "", f"not TOML: {text[:1].lower()}{text[1:]}")
+    message = f"not TOML: {text[:1].lower()}{text[1:]}"
+    comma = re.search(r"=\s*([+-]?\d+),(\d+)", document.splitlines()[int(line) - 1]) if line else None
+    if comma is not None:
+        message += f"; a number has a point, not a comma: {comma[1]}.{comma[2]}"
+    return Problem(f"{file}:{line}" if line else file, "", "", message)
 
 
 def _apply(document: Any, overrides: Iterable[str], origins: dict[Location, str]) -> Iterator[Problem]:
@@ -493,7 +497,7 @@ def _apply(document: Any, overrides: Iterable[str], origins: dict[Location, str]
             if isinstance(node, list):
                 index = _element(node, part)
                 if index is None:
-                    yield Problem(option, "", "", _no_such_element(node, part))
+                    yield Problem(option, "", "", _no_such_element(node, parts[number - 1], part))
                     break
                 at: str | int = index
             else:
@@ -520,9 +524,10 @@ def _element(items: Sequence[Any], part: str) -> int | None:
     return next((i for i, e in enumerate(items) if isinstance(e, dict) and e.get("name") == part), None)
 
 
-def _no_such_element(items: Sequence[Any], part: str) -> str:
+def _no_such_element(items: Sequence[Any], key: str, part: str) -> str:
     names = [str(e.get("name", i)) if isinstance(e, dict) else str(i) for i, e in enumerate(items)]
-    return f"{part!r} is none of {', '.join(names) or '(nothing)'}{nearest_match(part, names)}"
+    there = f"there {'is' if len(names) == 1 else 'are'} {', '.join(names)}" if names else "there is none"
+    return f"no {key} is called {part!r}; {there}{nearest_match(part, names)}"
 
 
 def _selector(name: str) -> str:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from spume import kernels
 from spume.case import Case
+from spume.moving import speeds
 from spume.particles import FLUID
 
 # Measured by ``spume bench dam-break --threads 1`` and ``spume bench dam-break-3d --threads 1``, then ``--threads 2``.
@@ -52,6 +53,13 @@ def device_of(case: Case) -> str:
     return case.device or kernels.default_device()
 
 
+def fall_speed(case: Case, position: NDArray[np.float64]) -> float:
+    """Return the speed [m/s] of a fall over the height of the fluid's rows at `position` [m], shape (n, d)."""
+    assert case.domain.gravity is not None
+    g = float(np.linalg.norm(case.domain.gravity.at(0.0)))
+    return math.sqrt(2.0 * g * float(np.ptp(position[:, -1]) + case.spacing))
+
+
 @dataclass(frozen=True)
 class Prediction:
     """What a run will take, roughly.
@@ -73,26 +81,27 @@ class Prediction:
 def predict(case: Case, rows: Mapping[str, NDArray[Any]], threads: int) -> Prediction:
     """Return an estimate of steps, memory and time on `threads` processor threads, or on a card of 2026.
 
-    The speed is taken as that of a fall over the fluid's height, at least that of the initial field;
-    the cost as microseconds per fluid particle and step, of which threads share a part (Amdahl's law). The rows are
-    those of `spume.build.initial_rows`: names to arrays of shape (n, …).
+    The speed is taken as that of a fall over the fluid's height, at least that of the initial field and, at each
+    instant, of prescribed motions; the cost as microseconds per fluid particle and step, of which threads share a part
+    (Amdahl's law). The rows are those of `spume.build.initial_rows`: names to arrays of shape (n, …).
     """
     assert case.domain.gravity is not None
     fluid = rows["kind"] == FLUID
     position = rows["position"][fluid]
-    g = float(np.linalg.norm(case.domain.gravity.at(0.0)))
     speed = max(
-        math.sqrt(2.0 * g * float(np.ptp(position[:, -1]) + case.spacing)),
+        fall_speed(case, position),
         float(np.linalg.norm(rows["velocity"], axis=1).max(initial=0.0)),
         math.sqrt(case.domain.gravity.stiffness) * float(np.ptp(position, axis=0).max()),
         1e-6,
     )
-    dt = case.time.travel * case.spacing / speed
     viscosity = max(entry.viscosity for entry in case.fluid)
-    if viscosity > 0.0:
-        dt = min(dt, 0.1 * case.spacing**2 / viscosity)
-    dt = min(dt, case.time.step_max or math.inf, case.time.end)
-    steps = math.ceil(case.time.end / dt)
+    longest = 0.1 * case.spacing**2 / viscosity if viscosity > 0.0 else math.inf
+    longest = min(longest, case.time.step_max or math.inf, case.time.end)
+    fastest = np.array([speed])
+    for moved in speeds(case).values():
+        fastest = np.maximum(fastest, moved)
+    dt = np.minimum(case.time.travel * case.spacing / fastest, longest)
+    steps = math.ceil(float(np.mean(case.time.end / dt)) * (1.0 - 1e-12))
     count = int(fluid.sum())
     cost = _MICROSECONDS[case.dimension] * (1.0 - _PARALLEL + _PARALLEL / threads)
     seconds = _START + steps * (count * cost * 1e-6 + _PER_STEP)

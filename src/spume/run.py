@@ -112,7 +112,10 @@ def make_folder(folder: Path) -> None:
     above = next((parent for parent in folder.parents if parent.exists()), folder.parent)
     if not above.is_dir():
         raise FolderExistsError(f"{folder} cannot be made: {above} is a file, not a folder; choose another (--out)")
-    folder.mkdir(parents=True)
+    try:
+        folder.mkdir(parents=True)
+    except OSError as error:
+        raise OSError(f"{folder} cannot be made: {error.strerror}; choose another folder (--out)") from None
 
 
 @contextmanager
@@ -150,7 +153,7 @@ def run(
         device: overrides the case's.
         threads: overrides the case's.
         precision: overrides the case's.
-        console: where progress is shown; default: nowhere.
+        console: where the folder and progress are shown; default: nowhere.
         max_wall_time: wall time [s] before whose end the run writes a checkpoint and stops.
 
     Returns:
@@ -169,6 +172,8 @@ def run(
     make_folder(folder)
     case = inputs.kept(case, folder)
     replace_text(folder / "case.toml", case.to_toml(folder))
+    if console is not None:
+        console.print(f"{case.title or case.origin.label or 'case'}: results in {folder}", highlight=False)
     this = _described(case, simulation, folder, console)
     outputs = outputs_of(case)
     return _loop(this, outputs, limit, lambda: outputs.start(this))
@@ -209,6 +214,12 @@ def resume(
     case = load(folder / "case.toml", overrides)
     _check_changes(case, saved, folder)
     if saved.time >= case.time.end * (1.0 - 1e-12):
+        if (end := case.time.end) < saved.time * (1.0 - 1e-12) and any(o.startswith("time.end") for o in overrides):
+            raise checkpoint.CheckpointError(
+                f"--set time.end={end:g}",
+                f"lies before the time that the run has reached, t = {saved.time:g} s: a run that is continued goes on "
+                f"from there; choose a later end, or start another run: spume run {folder / 'case.toml'}",
+            )
         before = folder / summary.FILE
         if overrides or not before.exists() or summary.read(folder)["status"] == FINISHED:
             raise checkpoint.CheckpointError(

@@ -143,3 +143,23 @@ def test_reference_tables_may_carry_comments(tmp_path):
     path = tmp_path / "r.csv"
     path.write_text("# Someone 2014, fig. 3\nt [s],p [Pa]\n0,1\n")
     assert read_columns(path)[1]["p"] == "Pa"
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ("0,0\n0.1,5\n0.05,3\n0.2,1\n", r"r\.csv:5: time 0\.05 stands after 0\.1; times must not decrease"),
+        ("0,0\n# a comment\n0.1,nan\n0.2,1\n", r"r\.csv:5: p = nan: finite numbers are allowed; leave the line out"),
+        ("0,0\nnan,5\n", r"r\.csv:4: t = nan: finite"),
+        ("0,0\n0.1,inf\n", r"r\.csv:4: p = inf: finite"),
+    ],
+)
+def test_a_table_with_holes_or_without_order_is_refused_with_its_line(tmp_path, rows, message):
+    (tmp_path / "r.csv").write_text("# measured\nt,p\n" + rows)
+    with pytest.raises(ValueError, match=message):
+        reference(tmp_path, "r.csv").load()
+
+
+def test_instants_may_be_repeated_and_columns_that_are_not_used_have_holes(tmp_path):
+    (tmp_path / "r.csv").write_text("t,p,q\n0,0,1\n0.1,5,nan\n0.1,6,nan\n")
+    assert reference(tmp_path, "r.csv").load().value.tolist() == [0.0, 5.0, 6.0]

@@ -40,6 +40,7 @@ def check(
     advice.warn(loaded, build.initial_snapshot(loaded, rows))
     cores = kernels.possible_threads(loaded.threads or kernels.worthwhile_threads(len(rows["kind"])))
     predicted = predict(loaded, rows, cores)
+    advice.warn_of_time(loaded, predicted.seconds)
     table = folding_table("", "", title=loaded.title or loaded.origin.label, show_header=False, title_justify="left")
     table.add_row("spacing", f"{loaded.spacing:g} m, {loaded.dimension}D")
     for index, fluid in enumerate(loaded.fluid):

@@ -92,7 +92,6 @@ def run(
 
     folder = run_folder(loaded.origin.label) if out is None else out
     with claimed(folder):  # before anything long: what is there must not be overwritten
-        console.print(f"{loaded.title or loaded.origin.label}: results in {folder}", highlight=False)
         _report(lambda: run_case(loaded, folder, console=console, max_wall_time=limit), folder)
 
 

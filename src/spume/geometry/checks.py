@@ -19,6 +19,7 @@ _SAMPLES = 4000
 _LOST = 2.0  # a surface farther than this from any row of its wall has none [l0]
 _THIN = 2.0  # water on both sides of a thinner part is within the reach of the operators [l0]
 _MUCH = 0.05  # share of the surface from which on thin parts are more than a body's sharp edges
+_SHELL = 'of the shell of a tank, draw the room inside and say wetted = "inside"'
 _OFF = 0.1  # relative error of a fluid's volume
 
 
@@ -108,7 +109,7 @@ def unresolved(shape: Shape, grid: Grid, rows: NDArray[np.float64]) -> list[str]
     if len(rows):
         lost = cKDTree(rows).query(points)[0] > _LOST * l0
     thin = float(np.min(thickness[lost], initial=np.inf))
-    remedy = f"choose spacing = {_nice(min(thin, l0) / _THIN):g} or less, or make it thicker"
+    remedy = f"choose spacing = {_nice(min(thin, l0) / _THIN):g} or less, or make it thicker; {_SHELL}"
     if lost.mean() > 0.5:
         raise ValueError(f"most of it is thinner than the spacing of {l0:g} m and holds no particle: {remedy}")
     said = []

@@ -52,7 +52,7 @@ class Grid:
             return x
         moved = self.origin[axis] + face * self.spacing
         if abs(cells - face) > 0.01:
-            said.append(f"{what} = {x:g} m is no multiple of the spacing: moved to {moved:g} m")
+            said.append(f"{what} = {x:g} m is no multiple of the spacing of {self.spacing:g} m: moved to {moved:g} m")
         return moved
 
     def cells(self, points: NDArray[np.float64]) -> NDArray[np.int64]:

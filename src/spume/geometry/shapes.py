@@ -445,12 +445,13 @@ class Polygon(Shape, name="polygon"):
 
     @override
     def snapped(self, grid: Grid) -> tuple[Self, list[str]]:
-        v = self._vertices()
+        v, before = self._vertices(), self._vertices()
         level = (v == np.roll(v, -1, axis=0)) | (v == np.roll(v, 1, axis=0))  # on an edge along an axis
         said: list[str] = []
-        for i, k in np.argwhere(level):
-            before = v[i, k]
-            v[i, k] = grid.snap(before, int(k), f"{'xy'[k]} = {before:g} of vertex {i + 1}", said)
+        for k, x in dict.fromkeys((int(k), float(before[i, k])) for i, k in np.argwhere(level)):
+            mine = np.flatnonzero(level[:, k] & (before[:, k] == x))
+            which = f"{'vertices' if len(mine) > 1 else 'vertex'} {', '.join(str(i + 1) for i in mine)}"
+            v[mine, k] = grid.snap(x, k, f"{'xy'[k]} of {which}", said)
         try:
             return type(self)(vertices=tuple(map(tuple, v.tolist()))), said
         except ValueError:

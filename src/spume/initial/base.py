@@ -21,12 +21,14 @@ class Setting:
         density: of the fluid [kg/m^3].
         gravity: uniform acceleration at the start [m/s^2], shape (d,).
         lower, upper: corners [m] of the smallest box around the fluid's shape, shape (d,).
+        above: what other fluids that stand on this one add to its hydrostatic pressure at each point [Pa], shape (n,).
     """
 
     density: float
     gravity: NDArray[np.float64]
     lower: NDArray[np.float64]
     upper: NDArray[np.float64]
+    above: NDArray[np.float64] | float = 0.0
 
 
 class Initial(Scheme, family="initial", selector="kind"):

@@ -122,10 +122,15 @@ class StandingWave(Initial, name="standing-wave"):
 
 
 class Hydrostatic(Initial, name="hydrostatic"):
-    """The pressure of the fluid at rest, rho |g| times the depth below its surface; zero above."""
+    """The pressure of the fluid at rest, rho |g| times the depth below its surface; zero above.
+
+    Other fluids that stand on it, with no gap between, weigh on it with their own density, whatever
+    their own initial fields are.
+    """
 
     surface: float | None = None
-    """Height of the free surface [m], measured against gravity; default: the top of the shape."""
+    """Height of the free surface [m], measured against gravity, from which alone the pressure follows then;
+    default: the top of the shape, and above it what other fluids stand there."""
 
     @override
     def pressure(self, points: Points, setting: Setting) -> NDArray[np.float64]:
@@ -135,4 +140,5 @@ class Hydrostatic(Initial, name="hydrostatic"):
         up = -setting.gravity / g
         corner = np.where(up > 0.0, setting.upper, setting.lower)
         surface = float(corner @ up) if self.surface is None else self.surface
-        return np.asarray(setting.density * g * np.maximum(0.0, surface - points @ up))
+        own = setting.density * g * np.maximum(0.0, surface - points @ up)
+        return np.asarray(own + setting.above if self.surface is None else own)

@@ -27,6 +27,9 @@ FORMAT = 2
 LARGEST_SHARE = 0.05
 """The interval grows until writing takes no more than this part of it [1]."""
 
+_SOONEST, _LOST = 5.0, 0.25
+"""Early in a run checkpoints come sooner than the interval: after these seconds, or this part of the time so far."""
+
 log = logging.getLogger("spume")
 
 
@@ -64,8 +67,9 @@ class Saved:
 
 
 class Checkpoint(Output):
-    """Writes ``checkpoint.h5`` at an interval of wall time, at the start, on interruption and at the end.
+    """Writes ``checkpoint.h5`` at an interval of wall time, sooner early in a run, on interruption and at the end.
 
+    A run that fails loses no more than a fifth of what it has computed, or `_SOONEST`, where writing is cheap.
     It looks at the state between two steps, after all other outputs, and changes nothing.
 
     Attributes:
@@ -77,6 +81,7 @@ class Checkpoint(Output):
         self.settings = settings
         self.seconds = 0.0
         self.clock: Outputs | None = None
+        self._begin = time.monotonic()
         self._next = 0.0
         self._written = -1
 
@@ -128,7 +133,9 @@ class Checkpoint(Output):
     def _wait(self) -> None:
         interval = self.settings.checkpoint_interval
         if interval != "none":
-            self._next = time.monotonic() + max(interval, self.seconds / LARGEST_SHARE)
+            now = time.monotonic()
+            early = max(_SOONEST, _LOST * (now - self._begin))
+            self._next = now + max(min(interval, early), self.seconds / LARGEST_SHARE)
 
 
 def write(path: Path, saved: Saved) -> None:

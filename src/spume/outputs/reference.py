@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 from spume.named import File, Parameters
 from spume.outputs.output import Output, RunLike
 from spume.outputs.record import path as gauge_path
-from spume.tables import read_columns
+from spume.tables import line_of_row, read_columns
 from spume.terminal import new_console
 
 if TYPE_CHECKING:
@@ -79,7 +79,8 @@ class Reference(Parameters):
         """Return the reference's series.
 
         Raises:
-            ValueError: a column that the file does not have.
+            ValueError: a column that the file does not have, values that are no finite numbers, times that decrease;
+                the message names the line.
         """
         columns, _ = read_columns(self.file)
         names = list(columns)
@@ -89,10 +90,22 @@ class Reference(Parameters):
                 raise ValueError(f"{self.file}: {key} = {name!r}: one of {', '.join(map(repr, names))}")
             if not name and len(names) <= default:
                 raise ValueError(f"{self.file}: {len(names)} column; {key} needs column {default + 1}")
-            return columns[name or names[default]]
+            values = columns[name or names[default]]
+            if not np.isfinite(values).all():
+                row = int(np.argmin(np.isfinite(values)))
+                raise ValueError(
+                    f"{self.file}:{line_of_row(self.file, row)}: {name or names[default]} = {values[row]:g}: finite "
+                    "numbers are allowed; leave the line out"
+                )
+            return values
 
+        time = column("time_column", self.time_column, 0)
+        if np.any(np.diff(time) < 0.0):
+            row = int(np.argmax(np.diff(time) < 0.0)) + 1
+            place = f"{self.file}:{line_of_row(self.file, row)}"
+            raise ValueError(f"{place}: time {time[row]:g} stands after {time[row - 1]:g}; times must not decrease")
         return Series(
-            column("time_column", self.time_column, 0),
+            time,
             column("column", self.column, 1),
             column("lower", self.lower, 1) if self.lower else None,
             column("upper", self.upper, 1) if self.upper else None,
