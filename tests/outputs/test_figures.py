@@ -77,6 +77,31 @@ def test_the_elevation_along_a_line_is_that_of_the_water(run):
     assert (diagram.quantity, diagram.unit, diagram.axis, diagram.vertical) == ("elevation", "m", "x", False)
 
 
+def test_there_is_no_elevation_in_a_body_that_stands_in_the_water():
+    """A hollow block from x = 1 to 2.4, 0.8 high, on a floor at y = 0; water 0.3 deep before it, nothing behind."""
+    l0 = 0.1
+
+    def cells(lower, upper):
+        axes = [np.arange(a + 0.5 * l0, b, l0) for a, b in zip(lower, upper, strict=True)]
+        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+
+    water, floor, block = cells((0, 0), (1, 0.3)), cells((0, -0.3), (4, 0)), cells((1, 0), (2.4, 0.8))
+    ways = np.column_stack([block[:, 0] - 1.0, 2.4 - block[:, 0], 0.8 - block[:, 1]])
+    nearest, deep = ways.argmin(axis=1), ways.min(axis=1)
+    up = np.array([[-1.0, 0.0], [1.0, 0.0], [0.0, 1.0]])[nearest] * deep[:, None]
+    hull = deep < 0.3
+    to_surface = np.concatenate([0.0 * water, np.column_stack([0.0 * floor[:, 0], -floor[:, 1]]), up[hull]])
+    position = np.concatenate([water, floor, block[hull]])
+    kind = np.where(np.linalg.norm(to_surface, axis=1) < 0.06, 2, 4)
+    kind[: len(water)] = 1
+    frame = vtkhdf.Frame(0.0, 0, {"position": position, "kind": kind, "to_surface": to_surface}, l0, 2, {})
+    diagram = section.elevation_along([frame], np.array([0.5]), np.array([3.5]), l0)
+    nothing = np.isnan(diagram.values[0])
+    assert np.array_equal(nothing, (diagram.place > 1.01) & (diagram.place < 2.39))
+    assert diagram.values[0][diagram.place < 0.8] == pytest.approx(0.3, abs=0.05 * l0)
+    assert diagram.values[0][diagram.place > 2.6] == pytest.approx(0.0, abs=0.05 * l0)
+
+
 def test_the_pressure_along_a_line_is_that_of_water_at_rest(run):
     results = spume.open(run)
     diagram = section.pressure_along([results[0]], np.array([0.5, 0.05]), np.array([0.5, 0.4]), results.spacing)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from spume.outputs.reference import Reference, common_shift, simulated
 from spume.tables import read_columns
@@ -15,10 +17,14 @@ from spume.tables import read_columns
 _SIMULATION = "#0072B2"
 _OTHERS = (_SIMULATION, "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 _MEASURED = "#222222"
+_DASHES = ("-", (0, (5, 4)), (0, (1.5, 2.5)))  # a dashed line shows what runs below it
+_LINE = 0.006  # width of a line, of the height of an axis
+
+Values = NDArray[np.float64]
 
 
 def plot_gauge(path: Path, file: Path, figure: Any, references: Sequence[Reference] = (), shift: float = 0.0) -> Path:
-    """Plot a gauge's columns over time, or against its references; return the picture.
+    """Plot a gauge's columns over time, one axis a unit, or against its references; return the picture.
 
     Args:
         path: the picture.
@@ -27,36 +33,78 @@ def plot_gauge(path: Path, file: Path, figure: Any, references: Sequence[Referen
         references: what the gauge is compared with.
         shift: common time shift [s] of the references that allow one.
     """
-    made = figure(7.2, 4.0, 150)
-    axes = made.add_axes((0.11, 0.13, 0.86, 0.76))
     if references:
-        _against(axes, references, file.parent.parent, shift)
+        made = figure(7.2, 4.0, 150)
+        panels = [made.add_axes((0.11, 0.13, 0.86, 0.76))]
+        _against(panels[0], references, file.parent.parent, shift)
     else:
-        _alone(axes, file)
-    axes.set_title(file.stem.replace("_", " "), loc="left", weight="bold", pad=8)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-    axes.grid(True, color="#E6E6E6", linewidth=0.7)
-    axes.set_axisbelow(True)
-    axes.tick_params(length=3, width=0.8)
+        columns, units = read_columns(file)
+        by_unit: dict[str, dict[str, Values]] = {}  # one axis holds one unit
+        for name in (n for n in columns if n != "time"):
+            by_unit.setdefault(units[name], {})[name] = columns[name]
+        made, panels = _stacked(figure, len(by_unit))
+        for axes, (unit, series) in zip(panels, by_unit.items(), strict=True):
+            _alone(axes, columns["time"], series, unit)
+        panels[-1].set_xlabel("t [s]")
+    panels[0].set_title(file.stem.replace("_", " "), loc="left", weight="bold", pad=8)
+    for axes in panels:
+        for side in ("top", "right"):
+            axes.spines[side].set_visible(False)
+        axes.grid(True, color="#E6E6E6", linewidth=0.7)
+        axes.set_axisbelow(True)
+        axes.tick_params(length=3, width=0.8)
     made.savefig(path)
     return path
 
 
-def _alone(axes: Any, file: Path) -> None:
-    columns, units = read_columns(file)
-    names = [n for n in columns if n != "time"]
-    first = units[names[0]]
-    same = [n for n in names if units[n] == first]  # one axis holds one unit
-    for name, colour in zip(same, _OTHERS, strict=False):
-        axes.plot(columns["time"], columns[name], color=colour, linewidth=1.2, label=name.replace("_", " "))
-    axes.set_xlabel("t [s]")
-    what = same[0].replace("_", " ") if len(same) == 1 else ""
-    axes.set_ylabel(f"{what} [{first}]".strip())
-    if len(same) > 1:
+def _stacked(figure: Any, count: int) -> tuple[Any, list[Any]]:
+    """Return a figure and its panels, one above the other, with one axis of time below."""
+    below, above, gap = 0.52, 0.44, 0.28  # [inches]
+    tall = 3.04 if count == 1 else 2.2
+    height = below + count * tall + (count - 1) * gap + above
+    made = figure(7.2, height, 150)
+    panels = [
+        made.add_axes((0.11, (below + number * (tall + gap)) / height, 0.86, tall / height))
+        for number in reversed(range(count))
+    ]
+    for axes in panels[:-1]:
+        axes.tick_params(labelbottom=False)
+    return made, panels
+
+
+def _alone(axes: Any, time: Values, series: Mapping[str, Values], unit: str) -> None:
+    for (label, values, dash), colour in zip(told_apart(series), itertools.cycle(_OTHERS), strict=False):
+        axes.plot(time, values, color=colour, linewidth=1.2, linestyle=dash, label=label)
+    what = next(iter(series)).replace("_", " ") if len(series) == 1 else ""
+    axes.set_ylabel(f"{what} [{unit}]".strip())
+    if len(series) > 1:
         axes.legend(frameon=False)
-    if len(columns["time"]):
-        axes.set_xlim(columns["time"][0], max(columns["time"][-1], columns["time"][0] + 1e-9))
+    if len(time):
+        axes.set_xlim(time[0], max(time[-1], time[0] + 1e-9))
+
+
+def told_apart(series: Mapping[str, Values]) -> list[tuple[str, Values, Any]]:
+    """Return label, values and dashes of the lines that show series, so that none hides another.
+
+    Series that agree to the width of a line are one line, which names them all; where they agree for a quarter of the
+    time the later one is dashed.
+
+    Args:
+        series: name to values, shape (instants,).
+    """
+    finite = np.concatenate([v[np.isfinite(v)] for v in series.values()])
+    width = _LINE * float(np.ptp(finite)) if len(finite) else 0.0
+    lines: list[tuple[list[str], Values, int]] = []
+    for name, values in series.items():
+        words = name.replace("_", " ")
+        near = [np.isclose(values, v, rtol=0.0, atol=width, equal_nan=True) for _, v, _ in lines]
+        twin = next((line for line, agrees in zip(lines, near, strict=True) if agrees.all()), None)
+        if twin is not None:
+            twin[0].append(words)
+            continue
+        under = [dash for (_, _, dash), agrees in zip(lines, near, strict=True) if agrees.mean() > 0.25]
+        lines.append(([words], values, max(under, default=-1) + 1))
+    return [(", ".join(words), values, _DASHES[min(dash, len(_DASHES) - 1)]) for words, values, dash in lines]
 
 
 def _against(axes: Any, references: Sequence[Reference], folder: Path, shift: float) -> None:

@@ -17,6 +17,7 @@ from spume.outputs.vtkhdf import Frame
 _FEWEST = 3  # gauges that make a line
 _INSTANTS = 800  # of a diagram
 _PLACES = 160  # along a line
+_NEAREST = 6  # rows whose faces say whether a point is in a wall: one at an edge knows one face of two
 
 
 @dataclass(frozen=True)
@@ -114,6 +115,8 @@ def elevation_along(
 ) -> Diagram:
     """Return the elevation along a horizontal line, measured in every frame as an elevation gauge would.
 
+    There is none where the line is in a body that stands in the water.
+
     Args:
         frames: the frames.
         first, last: ends of the line [m], shape (d − 1,).
@@ -126,10 +129,46 @@ def elevation_along(
         near = _near(position[:, :-1], first, last, 3.0 * spacing)
         snapshot = _snapshot(frame, near)
         gauges = [Elevation(name="section", at=tuple(point)) for point in points.tolist()]
-        rows.append([gauge.measure(snapshot)["elevation"] for gauge in gauges])
+        found = np.array([gauge.measure(snapshot)["elevation"] for gauge in gauges])
+        found[in_solid(np.column_stack([points, found + 0.5 * spacing]), snapshot)] = np.nan
+        rows.append(found)
         times.append(frame.time)
     values = np.array(rows, dtype=float).reshape(len(times), len(points))
     return Diagram("elevation", "m", axis, False, place, np.array(times), values, np.zeros(0), note)
+
+
+def in_solid(points: NDArray[np.float64], snapshot: Snapshot) -> NDArray[np.bool_]:
+    """Return which points lie in a wall or body: behind all faces that are near, or straight below one that looks up.
+
+    Args:
+        points: places [m], shape (points, d); one that is NaN is in no wall.
+        snapshot: the rows, with ``to_surface``.
+    """
+    from scipy.spatial import cKDTree
+
+    inside = np.zeros(len(points), dtype=bool)
+    to_surface = np.asarray(snapshot["to_surface"], dtype=float)
+    length = np.linalg.norm(to_surface, axis=1)
+    solid = ~snapshot.fluid & (length > 0.0)
+    asked = np.flatnonzero(np.isfinite(points).all(axis=1))
+    if not len(asked) or not solid.any():
+        return inside
+    l0 = snapshot.spacing
+    position, normal = np.asarray(snapshot["position"], dtype=float)[solid], to_surface[solid] / length[solid, None]
+    _, near = cKDTree(position).query(points[asked], k=min(_NEAREST, len(position)))
+    near = near.reshape(len(asked), -1)
+    depth = np.einsum("ijk,ijk->ij", (position + to_surface[solid])[near] - points[asked, None], normal[near])
+    inside[asked] = np.all(depth > 0.25 * l0, axis=1)
+    # A large body is hollow, and the floor below it may be the nearest wall.
+    level = np.flatnonzero(np.abs(normal[:, -1]) > 0.3)
+    height = position[level, -1]
+    beside = cKDTree(position[level, :-1]).query_ball_point(points[asked, :-1], 0.5 * l0 * (1.0 + 1e-6), p=np.inf)
+    for point, column in zip(asked, beside, strict=True):
+        above = [row for row in column if height[row] > points[point, -1]]
+        aside = position[level[above], :-1].mean(axis=0) - points[point, :-1] if above else np.inf
+        if np.max(np.abs(aside)) < 0.5 * l0 * (1.0 - 1e-6):  # at the side of a body all rows stand on one side
+            inside[point] |= bool(normal[level[min(above, key=lambda row: float(height[row]))], -1] > 0.0)
+    return inside
 
 
 def pressure_along(
