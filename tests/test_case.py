@@ -163,7 +163,7 @@ def test_folders_and_byte_order_marks(file):
         (
             'kind = "box"',
             'kind = "bathymetry"',
-            'shape.kind = "bathymetry": planned, not there yet; a polygon, an extrusion or a drawing (stl) can be the bed',
+            'shape.kind = "bathymetry": planned, not there yet; a polygon, an extrusion or a drawing (stl) can',
         ),
         (
             'kind = "wall"',
