@@ -1,12 +1,13 @@
 """Schemes: registration, spelling in tables, errors, JSON Schema."""
 
+from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 import pytest
 from pydantic import Field, ValidationError
 
-from spume import named
+from spume import named, planned
 from spume.named import File, Parameters, Scheme
 from spume.problems import CaseError
 
@@ -214,3 +215,15 @@ def test_what_a_scheme_does_not_use_is_no_key_of_its_table():
 
         class Wrong(Fruit, name="wrong"):
             unused: ClassVar = {"peel": "x"}
+
+
+def test_what_is_called_planned_is_neither_there_nor_off_the_list():
+    named.load_all()
+    listed = (Path(__file__).parents[1] / "docs" / "systems.md").read_text()
+    for family, names in planned.PLANNED.items():
+        there = {scheme.key for scheme in named.schemes(family)}
+        assert there
+        assert not there & set(names)
+        for row in filter(None, names.values()):
+            (line,) = [line for line in listed.splitlines() if line.startswith(f"| {row} |")]
+            assert line.endswith("| planned |"), line

@@ -33,6 +33,8 @@ from pydantic import (
 from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, core_schema
 
+from spume.planned import planned
+
 _registry: dict[str, dict[str, type[Scheme]]] = {}
 _family: dict[str, type[Scheme]] = {}
 
@@ -334,10 +336,11 @@ def find(family: str, name: str) -> type[Scheme]:
     known = _registry.get(family, {})
     if name in known:
         return known[name]
+    soon = planned(family, name)
     raise PydanticCustomError(
         "scheme_name",
-        "one of {choices}{nearest}",
-        {"choices": _choices(family), "nearest": nearest_match(name, known)},
+        "{soon}one of {choices}{nearest}",
+        {"soon": soon, "choices": _choices(family), "nearest": "" if soon else nearest_match(name, known)},
     )
 
 

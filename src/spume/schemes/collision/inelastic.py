@@ -33,15 +33,25 @@ def at_face(b, r, distance, l0):  # type: ignore[no-untyped-def]
     return behind > 0.0 and aside < (r.n - 1) * (0.54 * l0) ** 2 and not meets_rim(b, r, distance, l0)
 
 
+@kernels.func
+def contact(rate, r, dt):  # type: ignore[no-untyped-def]
+    """Return along which direction two rows meet: r, or where it was at the start of the move if they have passed."""
+    before = r - dt * rate
+    return kernels.qd.select(before.dot(r) < 0.0, before, r)
+
+
 @pair_term(reads=("velocity", "density"), shape=("d",))
-def impulse(a, b, r, w, share):  # type: ignore[no-untyped-def]
+def impulse(a, b, r, w, share, dt):  # type: ignore[no-untyped-def]
     part = b.density / (a.density + b.density)
-    return share * part * min((b.velocity - a.velocity).dot(r), 0.0) / r.dot(r) * r
+    rate = b.velocity - a.velocity
+    along = contact(rate, r, dt)
+    return share * part * min(rate.dot(along), 0.0) / along.dot(along) * along
 
 
 @pair_term(reads=("velocity",))
-def counted(a, b, r, w, share):  # type: ignore[no-untyped-def]
-    return kernels.qd.cast((b.velocity - a.velocity).dot(r) < 0.0, kernels.i32)
+def counted(a, b, r, w, share, dt):  # type: ignore[no-untyped-def]
+    rate = b.velocity - a.velocity
+    return kernels.qd.cast(rate.dot(contact(rate, r, dt)) < 0.0, kernels.i32)
 
 
 @pair_term(reads=("velocity", "to_surface"), shape=("d",))
@@ -99,7 +109,7 @@ class Inelastic(Collision, name="inelastic"):
     """Pairs nearer than ``distance`` l0 that approach exchange momentum as bodies that collide.
 
     The approach speed v_n of the pair becomes -restitution v_n; both velocity and the move of this
-    step are corrected (the customary treatment in MPS codes). Symmetric for pairs of fluid rows, so
+    step are corrected (the customary treatment in MPS codes). A pair that has passed each other within the step met too. Symmetric for pairs of fluid rows, so
     it conserves momentum. A wall is met at its face, as a plane, and at its rim as a row of particles.
     """
 
@@ -131,7 +141,7 @@ class Inelastic(Collision, name="inelastic"):
         l0, share = lattice.spacing, 1.0 + self.restitution
         of_fluid = PairSum(
             (impulse, counted), ("collision_impulse", "collisions"), Inverse(), self.distance * l0,
-            over=FLUID, arguments=(share,),
+            over=FLUID, arguments=(share, dt),
         )  # fmt: skip
         of_walls = PairSum(
             (impulse_of_rim, impulse_of_wall, faces, counted_at_wall),
