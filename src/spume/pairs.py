@@ -77,6 +77,7 @@ class PairView:
         value: name of the value of b that it replaces.
         arguments: numbers that follow r.
         of_normals: whether what it says of a solid row is meant along the normal of the row's wall alone.
+        beyond_rest: whether that holds for what differs from fluid at rest, rho wall_acceleration . r, and no more.
     """
 
     formula: Callable[..., Any]
@@ -84,6 +85,7 @@ class PairView:
     value: str = "value"
     arguments: tuple[float, ...] = ()
     of_normals: bool = False
+    beyond_rest: bool = False
 
 
 @dataclass(frozen=True)

@@ -2,19 +2,32 @@
 
 import numpy as np
 
+from reference.cloud import DT
+
 
 def none(cloud):
     """No change."""
     return cloud.vectors()
 
 
+def met(cloud, i, j, r):
+    """Direction in which two fluid rows met."""
+    before = r - DT * (cloud.u[j] - cloud.u[i])
+    along = before if before @ r < 0 else r
+    return along / np.linalg.norm(along)
+
+
 def inelastic(cloud, distance=0.5, restitution=0.2):
-    """(1 + e) m_j/(m_i + m_j) min(u_ij . r_ij, 0)/r^2 r_ij for pairs nearer than ``distance`` l0."""
+    """(1 + e) m_j/(m_i + m_j) min(u_ij . e_ij, 0) e_ij for pairs nearer than ``distance`` l0.
+
+    e_ij is the direction of the pair, at the start of the step if it points the other way at the end.
+    """
     change = cloud.vectors()
     for i in range(len(cloud)):
-        for j, r, s, _ in cloud.neighbours(i, distance * cloud.l0):
+        for j, r, _, _ in cloud.neighbours(i, distance * cloud.l0):
             share = cloud.rho[j] / (cloud.rho[i] + cloud.rho[j])
-            change[i] += (1 + restitution) * share * min((cloud.u[j] - cloud.u[i]) @ r, 0.0) / s**2 * r
+            e = met(cloud, i, j, r)
+            change[i] += (1 + restitution) * share * min((cloud.u[j] - cloud.u[i]) @ e, 0.0) * e
     return change
 
 
@@ -41,8 +54,9 @@ def inelastic_at_wall(cloud, distance=0.5, restitution=0.2):
             beside = not solid[j] or abs(r @ n) < s / 2**0.5
             if s < distance * cloud.l0 and beside:
                 share = 1.0 if solid[j] else cloud.rho[j] / (cloud.rho[i] + cloud.rho[j])
-                change[i] += (1 + restitution) * share * min(approach @ r, 0.0) / s**2 * r
-                count[i] += approach @ r < 0
+                e = r / s if solid[j] else met(cloud, i, j, r)
+                change[i] += (1 + restitution) * share * min(approach @ e, 0.0) * e
+                count[i] += approach @ e < 0
             elif (
                 solid[j]
                 and r @ n + depth > (0.5 - distance) * cloud.l0

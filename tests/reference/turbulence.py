@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from reference.gradient import matrix
+from reference.gradient import floored, matrix
 
 
 def none(cloud):
@@ -10,11 +10,15 @@ def none(cloud):
     return cloud.nu
 
 
-def smagorinsky(cloud, constant=0.15):
-    """nu + (C_s l0)^2 (2 S:S)^1/2, S the symmetric part of grad u = d/n0 sum_j u_ij (x) C_i r_ij/r^2 W."""
+def smagorinsky(cloud, constant=0.15, floor=0.3):
+    """nu + (C_s l0)^2 (2 S:S)^1/2, S the symmetric part of grad u = d/n0 sum_j u_ij (x) C_i r_ij/r^2 W.
+
+    Of the matrix whose inverse C_i is, eigenvalues are raised to the floor.
+    """
     nu = cloud.nu.copy()
     for i in range(len(cloud)):
-        C, slope = matrix(cloud, i), np.zeros((cloud.d, cloud.d))
+        C = np.linalg.inv(floored(np.linalg.inv(matrix(cloud, i)), floor))
+        slope = np.zeros((cloud.d, cloud.d))
         for j, r, s, w in cloud.neighbours(i):
             slope += cloud.d / cloud.n0 * np.outer(cloud.u[j] - cloud.u[i], C @ r) / s**2 * w
         S = (slope + slope.T) / 2

@@ -107,3 +107,16 @@ def test_momentum(key, d):
         assert count.sum() > 50
         assert np.abs(u - velocity).max() > 0.1
     assert u.sum(axis=0) == pytest.approx(velocity.sum(axis=0), rel=1e-12)
+
+
+def test_a_pair_that_has_passed_each_other_met():
+    """Towards each other by three spacings in a step: they end where they would have, had they met at the start."""
+    velocity = np.array([[1.5, 0.0], [-1.5, 0.0]]) * 0.1 / DT
+    start = np.array([[0.0, 0.0], [0.13, 0.0]])
+    position = start + DT * velocity
+    assert 0.0 < position[0, 0] - position[1, 0] < 0.5 * 0.1 * 5
+    position[1, 0] = position[0, 0] - 0.02
+    u, x, count = collide(position, velocity, Inelastic(restitution=0.0))
+    assert u == pytest.approx(np.zeros((2, 2)), abs=1e-12)
+    assert x[1, 0] > x[0, 0], "each is on its own side again"
+    assert count.tolist() == [1, 1]

@@ -7,9 +7,13 @@ from typing import ClassVar
 import numpy as np
 from pydantic import Field as Parameter
 
+from spume import kernels
 from spume.domain import Domain
+from spume.lattice import regular_neighbours
 from spume.pairs import pair_sum, pair_term, row_map, row_term
 from spume.particles import ANY, FLUID, WALL, Field
+from spume.schemes.collision.base import Collision
+from spume.schemes.collision.inelastic import Inelastic
 from spume.schemes.gradient.base import Gradient
 from spume.schemes.gradient.corrected import Corrected
 from spume.schemes.gradient.sum import Sum
@@ -38,9 +42,19 @@ def smoothing(a, b, r, w, scale):  # type: ignore[no-untyped-def]
     return (b.pressure - a.pressure - linear) * w / r.dot(r)
 
 
-@row_term(reads=("relative_density", "divergence", "density_diffusion"))
-def continuity(a, dt):  # type: ignore[no-untyped-def]
-    return a.relative_density * (1.0 - dt * a.divergence) + dt * a.density_diffusion
+@row_term(reads=("relative_density", "divergence", "density_diffusion", "fluid_neighbours", "kind"))
+def continuity(a, dt, few, enough):  # type: ignore[no-untyped-def]
+    change = dt * (a.density_diffusion - a.relative_density * a.divergence)
+    # Drops have the pressure of the air: nothing would ever take back what their few neighbours add up to.
+    share = min(max((a.fluid_neighbours - few) / (enough - few), 0.0), 1.0)
+    share = kernels.qd.select(a.kind == FLUID, share, 1.0)
+    return 1.0 + share * (a.relative_density + change - 1.0)
+
+
+_SPRAY = (0.15, 0.25)
+"""Parts of the lattice's neighbours: with less fluid than the first a row is spray, from the second on it is none [1].
+
+A row in the corner of a tank has 0.36 of them in 2D and 0.26 in 3D."""
 
 
 class WeaklyCompressible(Step, name="weakly-compressible"):
@@ -52,9 +66,10 @@ class WeaklyCompressible(Step, name="weakly-compressible"):
     diffusion that leaves linear pressures alone, on any arrangement);
     r += dt u^(k+1), the symplectic Euler scheme, stable for waves of sound up to a Courant number of about one.
     Shakibaeinia & Jin take s = n/n0 of the positions, whose disorder is then pressure; here s follows from continuity.
-    Walls: the pressure of solid rows is extrapolated from the fluid. Density errors are of the order of the
-    Mach number squared, |u|^2/c0^2. With the gradient ``sum`` momentum is conserved. For violent flows without long
-    rest, and where a linear system is unwanted; steps are shorter by the Mach number than those of a projection.
+    Spray, rows with hardly a fluid neighbour, has s = 1. Walls: the pressure of solid rows is extrapolated from the
+    fluid; what comes near them is stopped by collisions, for this pressure answers late. Density errors are of the
+    order of the Mach number squared, |u|^2/c0^2. With the gradient ``sum`` momentum is conserved. For violent flows
+    without long rest, and where a linear system is unwanted; steps are shorter by the Mach number than those of a projection.
     """
 
     ids: ClassVar = ("A5",)
@@ -71,6 +86,8 @@ class WeaklyCompressible(Step, name="weakly-compressible"):
 
     gradient: Gradient = Sum()
     """Gradient of the pressure."""
+    collision: Collision = Inelastic(distance=0.7)
+    """Treatment of particles that come too close."""
     shifting: Shifting = Unshifted()
     """Particle shifting."""
     speed_of_sound: float | None = Parameter(default=None, gt=0.0)
@@ -153,7 +170,9 @@ class WeaklyCompressible(Step, name="weakly-compressible"):
                 arguments=(self.diffusion * lattice.spacing * 2.0 * lattice.dimension / model.n0(lattice),),
             )  # fmt: skip
             self.divergence(lattice, particles, pairs, out="divergence", mirror=self.wall_model.mirror)
-            row_map(continuity, particles, out="relative_density", rows=rows, arguments=(dt,))
+            full = regular_neighbours(self.wall_model.re, lattice.dimension)
+            few, enough = (part * full for part in _SPRAY)
+            row_map(continuity, particles, out="relative_density", rows=rows, arguments=(dt, few, enough))
         row_map(moved, particles, out="position", rows=FLUID, arguments=(dt,))
         for body in bodies:
             body.move(particles, t + dt)

@@ -93,7 +93,7 @@ class Neumann(WallModel, name="neumann"):
         """
         reads = ("value", "kind", "velocity", "wall_velocity", "to_surface", "density")
         formula = pressure_along_normal if of_normals else pressure_of_image
-        return PairView(formula, reads, arguments=(dt,), of_normals=of_normals)
+        return PairView(formula, reads, arguments=(dt,), of_normals=of_normals, beyond_rest=not of_normals)
 
     def extrapolate(self, lattice: Lattice, particles: Particles, pairs: Pairs) -> None:
         """Write the pressure of wall rows from the fluid near them, and that of dummies from their wall row."""

@@ -109,7 +109,8 @@ class Inelastic(Collision, name="inelastic"):
     """Pairs nearer than ``distance`` l0 that approach exchange momentum as bodies that collide.
 
     The approach speed v_n of the pair becomes -restitution v_n; both velocity and the move of this
-    step are corrected (the customary treatment in MPS codes). A pair that has passed each other within the step met too. Symmetric for pairs of fluid rows, so
+    step are corrected (the customary treatment in MPS codes). A pair that has passed each other within the step met
+    too, in the direction that it had before. Symmetric for pairs of fluid rows, so
     it conserves momentum. A wall is met at its face, as a plane, and at its rim as a row of particles.
     """
 

@@ -4,9 +4,10 @@ from typing import ClassVar
 
 from pydantic import Field as Parameter
 
+from spume import kernels
 from spume.lattice import Lattice
 from spume.pairs import Pairs, PairView, pair_sum, pair_sums, pair_term
-from spume.particles import ANY, Particles
+from spume.particles import ANY, FLUID, Particles
 from spume.schemes.correction import (
     SECOND_MOMENT,
     WALL_MOMENT,
@@ -40,6 +41,13 @@ def difference(a, b, r, w, scale, floor, tiny, normals):  # type: ignore[no-unty
     return (b.value - a.value) * (w / r.dot(r)) * along_normal(b, r, normals)
 
 
+@pair_term(reads=(*_READ, "density", "wall_acceleration"), shape=("d",), finish=_corrected)
+def difference_beyond_rest(a, b, r, w, scale, floor, tiny, normals):  # type: ignore[no-untyped-def]
+    at_rest = a.density * b.wall_acceleration.dot(r)
+    wall = at_rest * r + (b.value - a.value - at_rest) * along_normal(b, r, 1.0)
+    return kernels.qd.select(b.kind == FLUID, (b.value - a.value) * r, wall) * (w / r.dot(r))
+
+
 class Imaged(Gradient, name="imaged"):
     """<grad P>_i = C_i [d/n0 sum_j (P_j - P_i) W r_ij/r^2 + 2 theta_i P_i b_i].
 
@@ -48,7 +56,8 @@ class Imaged(Gradient, name="imaged"):
     the bracket ``floor`` at least. The images, at -b_i all together, have the pressure that vanishes at delta_i
     outside and goes on with the slope P_i/delta_i. For a solid row j that says what lies along the normal n of its wall
     (``neumann``, with ``normals``), n n . r_ij stands in the place of r_ij, here and in M_i: along a wall the gradient
-    is the fluid's.
+    is the fluid's. Without ``normals`` that is so for what differs from fluid at rest, and not in M_i: what few
+    neighbours say is not multiplied then.
     Exact for linear fields on any arrangement inside the fluid, beside such walls too, and for
     those that vanish there on any arrangement of its surface, so that rows of a surface that is stretched or crowded
     are still held. The same images as those of the ``free_surface`` of that name. ``completed`` takes what is missing
@@ -63,7 +72,7 @@ class Imaged(Gradient, name="imaged"):
     floor: float = Parameter(default=0.3, gt=0.0, le=1.0)
     """Least eigenvalue of the matrix that is inverted [1]."""
     normals: bool = True
-    """Take of a wall how the pressure changes along its normal; false: along it too, as in water at rest."""
+    """Take of a wall how the pressure changes along its normal; false: along it too, as in fluid at rest."""
 
     @property
     def of_normals(self) -> bool:  # type: ignore[override]
@@ -81,8 +90,9 @@ class Imaged(Gradient, name="imaged"):
         normals = view is not None and view.of_normals
         if normals:
             pair_sums((wall_moment_sum(self, lattice),), particles, pairs)
+        term = difference_beyond_rest if view is not None and view.beyond_rest else difference
         pair_sum(
-            difference, particles, pairs, out=out, weight=self.weight, re=self.radius(lattice), over=over,
+            term, particles, pairs, out=out, weight=self.weight, re=self.radius(lattice), over=over,
             arguments=(lattice.dimension / self.n0(lattice), self.floor, 1e-9 / lattice.spacing, float(normals)),
             fields={"value": phi}, view=view,
         )  # fmt: skip

@@ -4,9 +4,10 @@ from typing import Any, ClassVar
 
 from pydantic import Field as Parameter
 
+from spume import kernels
 from spume.lattice import Lattice
-from spume.pairs import Pairs, pair_sum, pair_term, row_map, row_term
-from spume.particles import FLUID, Field, Particles
+from spume.pairs import Pairs, pair_max, pair_sum, pair_term, row_map, row_term
+from spume.particles import FLUID, SOLID, Field, Particles
 from spume.schemes.correction import CORRECTION, correction_matrix
 from spume.schemes.operator import Operator
 
@@ -16,6 +17,18 @@ _CARRIED = (
 )
 
 SHIFT = Field("shift", ("d",), "m", "displacement by particle shifting")
+HELD_BY_WALL = Field("held_by_wall", (), "1", "1 where the shift would go on towards a wall that is near", int)
+
+_GAP = 0.25
+"""Height above a wall's surface below which no row is shifted towards it [l0].
+
+A sloping wall is a staircase of rows, up to a spacing below its surface. Shifting takes that for an empty place: rows
+sink into it, and creep on below the next stair.
+"""
+_REACH = 1.3
+"""Distance of a wall row from a row at that height above it: a spacing to the surface, and the gap [l0]."""
+_HALF_WIDTH = 0.54
+"""Half of the part of a surface that a wall row stands for [l0]."""
 
 
 class Shifting(Operator, family="shifting"):
@@ -49,9 +62,18 @@ def pressure_along_shift(a, b, r, w, scale):  # type: ignore[no-untyped-def]
     return (b.pressure - a.pressure) * (r.dot(a.correction @ a.shift) * w / r.dot(r))
 
 
-@row_term(reads=("position", "shift"))
+@pair_term(reads=("shift", "to_surface"))
+def towards_near_wall(a, b, r, w, gap, width):  # type: ignore[no-untyped-def]
+    normal = b.to_surface.normalized(1e-30)
+    along = r.dot(normal)
+    near = along + b.to_surface.norm() + gap > 0.0
+    beside = r.norm_sqr() - along * along < (r.n - 1) * width * width
+    return kernels.qd.cast(near and beside and a.shift.dot(normal) < 0.0, kernels.i32)
+
+
+@row_term(reads=("position", "shift", "held_by_wall"))
 def shifted(a):  # type: ignore[no-untyped-def]
-    return a.position + a.shift
+    return a.position + kernels.qd.select(a.held_by_wall > 0, 0.0, 1.0) * a.shift
 
 
 @row_term(reads=("shifted_velocity",))
@@ -73,7 +95,7 @@ class Diffusive(Shifting):
     lattice becomes unstable to its own correction (0.415 l0^2 in 2D, 0.468 l0^2 in 3D).
     """
 
-    needs: ClassVar[tuple[Field, ...]] = (SHIFT, CORRECTION, *_CARRIED)
+    needs: ClassVar[tuple[Field, ...]] = (SHIFT, HELD_BY_WALL, CORRECTION, *_CARRIED)
 
     largest: float = Parameter(default=0.1, gt=0.0, le=0.5)
     """Largest displacement in one step, as a multiple of l0 [1]."""
@@ -91,6 +113,8 @@ class Diffusive(Shifting):
     def shift(self, lattice: Lattice, particles: Particles, pairs: Pairs) -> None:
         """Add ``shift`` to ``position`` of fluid rows; with ``correct_fields`` take the fields to the new place.
 
+        A row nearer than l0/4 to the surface of a wall is not shifted further towards it.
+
         The gradients are corrected (exact for linear fields on any arrangement) and sum over the fluid alone, for
         across a wall velocity and pressure are no smooth fields.
         """
@@ -103,6 +127,11 @@ class Diffusive(Shifting):
             )  # fmt: skip
             row_map(carried_velocity, particles, out="velocity", rows=FLUID)
             row_map(carried_pressure, particles, out="pressure", rows=FLUID)
+        l0 = lattice.spacing
+        pair_max(
+            towards_near_wall, particles, pairs, out="held_by_wall", weight=self.weight, re=_REACH * l0, over=SOLID,
+            arguments=(_GAP * l0, _HALF_WIDTH * l0),
+        )  # fmt: skip
         row_map(shifted, particles, out="position", rows=FLUID)
 
 
