@@ -364,3 +364,14 @@ def test_what_a_step_writes_or_has_components_is_never_one_number_of_all_rows(ev
     assert particles.uniform("kind")
     particles.insert({"position": np.zeros((1, 2)), "kind": [WALL]})
     assert not particles.uniform("kind")
+
+
+def test_whole_minimum_and_maximum_of_a_lone_row(every_runtime):
+    """No integer holds the largest number: what it becomes is anything, so another one stands for it."""
+    _, particles, pairs = table([[0.0, 0.0], [0.1, 0.0], [5.0, 5.0]])
+    alone = particles.numpy("position")[:, 0] > 1.0
+    for extreme, sign in ((pair_min, 1), (pair_max, -1)):
+        extreme(plain, particles, pairs, out="whole", weight=W, re=0.21)
+        found = particles.numpy("whole")
+        assert np.all(found[alone] == sign * 2_000_000_000)
+        assert np.all(found[~alone] == 1)

@@ -65,6 +65,10 @@ class RowTerm:
     reads: tuple[str, ...]
 
 
+_LARGEST_INTEGER = 2_000_000_000
+"""Less than the largest, which single precision would round up."""
+
+
 @dataclass(frozen=True)
 class PairView:
     """How a row sees a neighbour: ``formula(a, b, r, *arguments)`` replaces one value of b.
@@ -239,7 +243,10 @@ def pair_min(
     fields: Mapping[str, str] | None = None,
     view: PairView | None = None,
 ) -> None:
-    """Write for each row the smallest scalar term over its neighbours (+inf without any); see ``pair_sum``."""
+    """Write for each row the smallest scalar term over its neighbours; see ``pair_sum``.
+
+    Without any it is the largest number, in a field of integers 2e9.
+    """
     sums = (_asked(terms, out, weight, re, rows, over, arguments),)
     _reduce("min", sums, particles, pairs, fields, view)
 
@@ -259,7 +266,10 @@ def pair_max(
     view: PairView | None = None,
     where: str = "",
 ) -> None:
-    """Write for each row the largest scalar term over its neighbours (-inf without any); see ``pair_sum``."""
+    """Write for each row the largest scalar term over its neighbours; see ``pair_sum``.
+
+    Without any it is the largest number with a minus, in a field of integers -2e9.
+    """
     sums = (_asked(terms, out, weight, re, rows, over, arguments),)
     _reduce("max", sums, particles, pairs, fields, view, where)
 
@@ -448,7 +458,7 @@ def _pair_kernel(
     view_arguments = [f"view_argument{k}" for k in range(n_view_arguments)]
     parameters += [f"{a}: real" for a in view_arguments]
 
-    none = {"sum": "0", "min": "qd.cast(infinity, real)", "max": "qd.cast(-infinity, real)"}[operation]
+    sign = {"sum": "0 *", "min": "", "max": "-"}[operation]
     begin: list[list[str]] = [[] for _ in parts]
     value: list[list[tuple[str, str]]] = [[] for _ in parts]
     end: list[list[str]] = [[] for _ in parts]
@@ -462,7 +472,9 @@ def _pair_kernel(
                 term.finish,
                 types[out],
             )
-            shape = next(shape for n, shape, _ in signature if n == out)
+            shape, integer = next((shape, integer) for n, shape, integer in signature if n == out)
+            # What no integer can hold becomes any one: the largest stands for infinity.
+            none = f"qd.cast({sign}{_LARGEST_INTEGER if integer else 'infinity'}, real)"
             # A scalar cast makes the accumulator's type that of the field, whatever the term returns.
             zero = "qd.cast(0, real)" if shape == () else f"Value{p}_{k}(0.0)"
             begin[p].append(f"{s} = {zero if operation == 'sum' else none}")

@@ -153,3 +153,33 @@ def test_a_pair_that_would_end_too_near_is_kept_apart(device):
         simulation.advance()
         x = by_id(simulation, "position")
         assert np.linalg.norm(x[1] - x[0]) > (d - 0.01) * l0
+
+
+def test_drops_have_the_pressure_of_the_air(device):
+    """What a row with hardly a neighbour has added up is let go."""
+    simulation = build(drop(l0=0.02, radius=0.024, step=WeaklyCompressible(speed_of_sound=20.0)), device)
+    particles = simulation.particles
+    particles.remove(np.arange(particles.count) >= 1)
+    simulation.advance()
+    particles.set("relative_density", np.full(particles.count, 1.5))
+    simulation.advance()
+    assert by_id(simulation, "relative_density") == pytest.approx(np.ones(1))
+
+
+def test_a_dam_break_on_a_round_body(device):
+    """Bounded by what the fall gives: no drop is thrown off."""
+    water = spume.Fluid(name="water", shape=spume.Box(lower=[0.0, 0.0], upper=[0.2, 0.2]))
+    tank = spume.Tank(lower=[0.0, 0.0], upper=[0.6, 0.4])
+    case = spume.Case(
+        spacing=0.0125, time=spume.Time(end=0.4), fluid=[water], step=WeaklyCompressible(),
+        body=[
+            spume.Wall(name="tank", shape=tank),
+            spume.Wall(name="disk", shape=spume.Sphere(centre=[0.36, 0.07], radius=0.05)),
+        ],
+    )  # fmt: skip
+    simulation = build(case, device)
+    fastest = 0.0
+    while not simulation.done:
+        simulation.advance()
+        fastest = max(fastest, simulation.particles.largest_norm("velocity"))
+    assert fastest < 3.0 * np.sqrt(2 * 9.81 * 0.2)

@@ -30,12 +30,16 @@ from spume.schemes.laplacian.base import Laplacian, Terms
 
 ABSENT, UNKNOWN, KNOWN, FLUX = 0, 1, 2, 3
 
+WALL_ACCELERATION = Field(
+    "wall_acceleration", ("d",), "m/s^2", "solid rows: g - a_wall; times rho the imposed pressure gradient"
+)
+
 SYSTEM_FIELDS = (
     Field("row_state", (), "1", "0 absent, 1 unknown, 2 known, 3 known flux", int),
     Field("diagonal", (), "m/kg", "diagonal of the pressure matrix"),
     Field("rhs", (), "1/s^2", "right side of the pressure matrix"),
     Field("row_length", (), "1", "entries of a row beside the diagonal", int),
-    Field("wall_acceleration", ("d",), "m/s^2", "solid rows: g - a_wall; times rho the imposed pressure gradient"),
+    WALL_ACCELERATION,
     Field("surface_diagonal", (), "m/kg", "addition to the diagonal by the free surface"),
     Field("surface_value", (), "Pa", "pressure to which the free surface draws a row"),
     Field("grounded", (), "1", "1 where a row is tied to a known pressure", int),

@@ -69,7 +69,8 @@ class WeaklyCompressible(Step, name="weakly-compressible"):
     Spray, rows with hardly a fluid neighbour, has s = 1. Walls: the pressure of solid rows is extrapolated from the
     fluid; what comes near them is stopped by collisions, for this pressure answers late. Density errors are of the
     order of the Mach number squared, |u|^2/c0^2. With the gradient ``sum`` momentum is conserved. For violent flows
-    without long rest, and where a linear system is unwanted; steps are shorter by the Mach number than those of a projection.
+    without long rest, and where a linear system is unwanted; steps are shorter by the Mach number than those of a
+    projection.
     """
 
     ids: ClassVar = ("A5",)

@@ -8,6 +8,7 @@ from spume import kernels
 from spume.lattice import Lattice
 from spume.pairs import Pairs, PairView, pair_sum, pair_sums, pair_term
 from spume.particles import ANY, FLUID, Particles
+from spume.pressure.matrix import WALL_ACCELERATION
 from spume.schemes.correction import (
     SECOND_MOMENT,
     WALL_MOMENT,
@@ -66,7 +67,7 @@ class Imaged(Gradient, name="imaged"):
 
     reference: ClassVar = ()
     order: ClassVar = 0
-    needs: ClassVar = (SECOND_MOMENT, WALL_MOMENT, *IMAGE_FIELDS)
+    needs: ClassVar = (SECOND_MOMENT, WALL_MOMENT, WALL_ACCELERATION, *IMAGE_FIELDS)
     completes: ClassVar = True
 
     floor: float = Parameter(default=0.3, gt=0.0, le=1.0)

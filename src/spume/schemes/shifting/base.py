@@ -6,7 +6,7 @@ from pydantic import Field as Parameter
 
 from spume import kernels
 from spume.lattice import Lattice
-from spume.pairs import Pairs, pair_max, pair_sum, pair_term, row_map, row_term
+from spume.pairs import Pairs, pair_sum, pair_term, row_map, row_term
 from spume.particles import FLUID, SOLID, Field, Particles
 from spume.schemes.correction import CORRECTION, correction_matrix
 from spume.schemes.operator import Operator
@@ -17,7 +17,7 @@ _CARRIED = (
 )
 
 SHIFT = Field("shift", ("d",), "m", "displacement by particle shifting")
-HELD_BY_WALL = Field("held_by_wall", (), "1", "1 where the shift would go on towards a wall that is near", int)
+HELD_BY_WALL = Field("held_by_wall", (), "1", "number of near wall rows towards which the shift would go", int)
 
 _GAP = 0.25
 """Height above a wall's surface below which no row is shifted towards it [l0].
@@ -128,7 +128,7 @@ class Diffusive(Shifting):
             row_map(carried_velocity, particles, out="velocity", rows=FLUID)
             row_map(carried_pressure, particles, out="pressure", rows=FLUID)
         l0 = lattice.spacing
-        pair_max(
+        pair_sum(
             towards_near_wall, particles, pairs, out="held_by_wall", weight=self.weight, re=_REACH * l0, over=SOLID,
             arguments=(_GAP * l0, _HALF_WIDTH * l0),
         )  # fmt: skip

@@ -36,7 +36,8 @@ class Smagorinsky(Turbulence, name="smagorinsky"):
     on any arrangement inside the fluid; rows in spray, whose neighbours say little of a gradient, have a smaller one
     and with it hardly any eddies. Solid rows take part with the velocity of their image. No damping at walls: the
     mixing length C_s l0 could only be cut by the wall's kappa y, kappa = 0.41, and the first row stands at y = l0/2,
-    where kappa y = 0.2 l0 is not less than C_s l0 for any usual C_s. A free surface is no wall: |S| is what its rows see.
+    where kappa y = 0.2 l0 is not less than C_s l0 for any usual C_s. A free surface is no wall: |S| is what its rows
+    see.
     """
 
     ids: ClassVar = ("A6",)
