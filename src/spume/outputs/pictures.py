@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from spume.outputs import frames, raster, vtkhdf
+from spume.outputs import frames, raster, scene, vtkhdf
 from spume.outputs.film import ffmpeg, write_gif, write_mp4
 from spume.outputs.output import Output, OutputSettings, RunLike
 from spume.outputs.plots import plot_gauges
@@ -26,7 +26,6 @@ from spume.outputs.snapshot import FLUID, WALL, Snapshot
 _ANIMATION_FRAMES = 100
 _WALL_COLOUR = np.array([0.55, 0.57, 0.60], dtype=np.float32)
 _DUMMY_COLOUR = np.array([0.76, 0.77, 0.79], dtype=np.float32)
-_OBSTACLE_COLOUR = np.array([0.80, 0.52, 0.36], dtype=np.float32)
 _DRAWN = ("position", "kind", "body", "velocity", "pressure", "free_surface", "to_surface")
 _TITLES = {"speed": ("speed", "m/s"), "number_density": ("number density", "1")}
 
@@ -161,9 +160,9 @@ def paint(frame: vtkhdf.Frame, view: View, shape: tuple[int, int], fine: bool = 
     colours[wall] = _WALL_COLOUR
     big = (2 * shape[0], 2 * shape[1])
     if frame.dimension == 3 and not fine:
-        return _paint_3d(frame, view, shape, colours, fluid)
+        return scene.paint(frame, view, shape, colours)
     if frame.dimension == 3:
-        return raster.halve(_paint_3d(frame, view, big, colours, fluid))
+        return raster.halve(scene.paint(frame, view, big, colours))
     position = np.asarray(frame["position"], dtype=float)
     l0 = frame.spacing
     window = raster.Window(view.lower, view.upper, float(np.min(np.array(big[::-1]) / view.size)))
@@ -177,64 +176,6 @@ def paint(frame: vtkhdf.Frame, view: View, shape: tuple[int, int], fine: bool = 
         shade = np.where(water >= 0, 1.0 - 0.22 * np.minimum(distance / (0.6 * l0), 1.0) ** 2, 1.0)
         image = (image * shade[:, :, None] + 0.5).astype(np.uint8)
     return raster.halve(image)
-
-
-def _paint_3d(
-    frame: vtkhdf.Frame, view: View, shape: tuple[int, int], colours: raster.Colours, fluid: NDArray[np.bool_]
-) -> raster.Image:
-    azimuth, height = view.settings.view_deg
-    camera = raster.Camera(view.lower, view.upper, azimuth, height, shape)
-    shown = fluid.copy()
-    position = np.asarray(frame["position"], dtype=float)
-    if "to_surface" in frame:
-        # Of walls, only the faces that look at the eye: floor and far sides of a tank, not its front.
-        to_surface = np.asarray(frame["to_surface"], dtype=float)
-        length = np.linalg.norm(to_surface, axis=1)
-        normal = to_surface / np.where(length > 0.0, length, 1.0)[:, None]
-        # Behind a slanted or curved face rows stand at any depth up to this, behind an inner corner deeper.
-        steepest = np.abs(normal).max(axis=1)
-        faced = (frame["kind"] == WALL) & (length > 0.0) & (length < (steepest - 1e-6) * frame.spacing)
-        light = 0.90 + 0.06 * normal[:, 2] - 0.05 * np.abs(normal[:, 0])
-        colours = np.where(fluid[:, None], colours, light[:, None]).astype(np.float32)
-        position = position + to_surface  # the wetted planes themselves, which meet at the edges
-        obstacle = obstacles_of(frame, position, normal, faced)
-        room = faced & ~obstacle
-        if np.any(obstacle):
-            shade = 0.62 + 0.38 * np.clip(normal @ (camera.axes.T @ _LIGHT), 0.0, 1.0)
-            colours[obstacle] = _OBSTACLE_COLOUR * shade[obstacle, None]
-            if np.any(room):  # a foundation under the floor is not to be seen
-                lower, upper = position[room].min(axis=0), position[room].max(axis=0)
-                faced &= np.all((position > lower - 1e-3 * frame.spacing) & (position < upper + frame.spacing), axis=1)
-        shown |= faced & (normal @ camera.axes[2] > 0.02)
-    rows = np.flatnonzero(shown)
-    radius = np.where(fluid[rows], 0.6, 0.8) * frame.spacing
-    return raster.paint_spheres(camera, position[rows], radius, colours[rows], fluid[rows])
-
-
-_LIGHT = np.array([-0.5, 0.55, 0.67])  # right, up, towards the eye
-
-
-def obstacles_of(
-    frame: vtkhdf.Frame, surface: NDArray[np.float64], normal: NDArray[np.float64], faced: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
-    """Return which rows belong to bodies that stand in the water: their faces look away from their middle.
-
-    Args:
-        frame: the frame, with ``body``.
-        surface: where the side of each solid row meets the water [m], shape (rows, d).
-        normal: unit normals there, towards the water, shape (rows, d).
-        faced: which rows have such a side, shape (rows,).
-    """
-    result = np.zeros(len(surface), dtype=bool)
-    if "body" not in frame:
-        return result
-    body = np.asarray(frame["body"])
-    for index in np.unique(body[faced]):
-        mine = faced & (body == index)
-        away = surface[mine] - surface[mine].mean(axis=0)
-        if np.einsum("ij,ij->", away, normal[mine]) > 0.0:
-            result |= body == index
-    return result
 
 
 # ------------------------------------------------------------------------------------------- figures
