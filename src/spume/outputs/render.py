@@ -119,13 +119,14 @@ def render_run(
     chosen = times or [results.times[round((len(results) - 1) * share)] for share in (0.25, 0.5, 0.75, 1.0)]
     some = {frame.index: frame for frame in (results.at(float(t)) for t in chosen)}
     painter = Renderer()
-    figure = pictures.frames_figure([some[k] for k in sorted(some)], settings, results.title, 150, painter)
+    fluids = figures.fluids_of(results)
+    figure = pictures.frames_figure([some[k] for k in sorted(some)], settings, results.title, 150, painter, fluids)
     figure.savefig(folder / "render.png", dpi=150)
     drawn = [folder / "render.png"]
     if film and len(results) > 1:
         with vtkhdf.Reader(results.path / frames.FILE) as reader, matplotlib.rc_context(pictures.STYLE):
             path = folder / "render.mp4"
-            drawn.append(pictures.animate(reader, path, settings, results.title, 110, painter, told))
+            drawn.append(pictures.animate(reader, path, settings, results.title, 110, painter, told, fluids))
     painter.close()
     return drawn
 
@@ -151,8 +152,7 @@ class Renderer:
         plotter.enable_depth_peeling(8)
         plotter.enable_anti_aliasing("ssaa" if fine else "msaa")
         self._draw_walls(plotter, frame)
-        colours = pictures.map_of(view.settings)
-        common = {"cmap": colours, "clim": (view.low, view.high), "show_scalar_bar": False}
+        common = {"cmap": view.map, "clim": (view.low, view.high), "show_scalar_bar": False}
         surface = reconstruct(frame, pictures.values_of(frame, view.settings.colour))
         light = {"ambient": 0.32, "diffuse": 0.75, "specular": 0.35, "specular_power": 25}
         if surface.mesh.n_points:
