@@ -53,7 +53,7 @@ def paint(frame: Frame, view: View, shape: tuple[int, int], colours: raster.Colo
 
 
 def seen(tiles: Faces, camera: raster.Camera) -> NDArray[np.bool_]:
-    """Return which tiles look at the eye: floor and far sides of a tank, not its front, and bodies in the water."""
+    """Return which tiles look at the eye: floor and far sides of a tank, not its front, and bodies; shape (tiles,)."""
     room = ~tiles.obstacle & ~tiles.outer
     shown: NDArray[np.bool_] = ~tiles.outer & (np.einsum("ij,ij->i", camera.eye - tiles.centre, tiles.normal) > 0.0)
     if room.any():  # a foundation under the floor is not to be seen
