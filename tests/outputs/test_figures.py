@@ -47,6 +47,54 @@ def test_a_snapshot_is_that_of_the_nearest_time(run, tmp_path, monkeypatch):
     assert [frame.time for frame in drawn] == [results.at(0.21).time, results.at(0.4).time]
 
 
+TWO_FLUIDS = """\
+spacing = 0.1
+[time]
+end = 1.0
+[[fluid]]
+name = "water"
+shape = { kind = "box", lower = [0.0, 0.0], upper = [1.0, 0.5] }
+[[fluid]]
+name = "oil"
+density = 850.0
+shape = { kind = "box", lower = [0.0, 0.5], upper = [1.0, 1.0] }
+[[body]]
+name = "tank"
+kind = "wall"
+shape = { kind = "tank", lower = [0.0, 0.0], upper = [1.0, 1.5] }
+[output]
+colour = "material"
+"""
+
+
+def test_fluids_have_a_colour_each_and_the_scale_names_them(tmp_path):
+    x = (np.stack(np.meshgrid(np.arange(10), np.arange(6), indexing="ij"), axis=-1).reshape(-1, 2) + 0.5) * 0.1
+    material = (x[:, 1] > 0.3).astype(int)
+    arrays = {"position": x, "kind": np.ones(len(x), dtype=int), "material": material}
+    frame = vtkhdf.Frame(0.0, 0, arrays, 0.1, 2, {})
+    settings = pictures.OutputSettings(colour="material")
+    figure = pictures.frames_figure([frame], settings, fluids=["water", "light oil"])
+    labels = [text.get_text() for text in figure.axes[-1].get_yticklabels()]
+    assert labels == ["water", "light oil"]
+    figure.savefig(tmp_path / "p.png")
+    image = np.asarray(Image.open(tmp_path / "p.png").convert("RGB"))
+    found, count = np.unique(image.reshape(-1, 3), axis=0, return_counts=True)
+    frequent = {tuple(colour) for colour in found[count > 1000].tolist()}
+    assert {(0x00, 0x72, 0xB2), (0xE6, 0x9F, 0x00)} <= frequent
+    one = pictures.view_of([frame], settings)
+    assert (one.classes, one.low, one.high) == (("0", "1"), -0.5, 1.5)
+    assert pictures.view_of([frame], settings.model_copy(update={"colour_range": (0.0, 3.0)})).classes == ()
+
+
+def test_the_picture_of_a_check_shows_fluids_where_the_case_asks_for_them(tmp_path):
+    (tmp_path / "case.toml").write_text(TWO_FLUIDS, encoding="utf-8")
+    result = call("check", tmp_path / "case.toml", "--out", tmp_path / "p.png")
+    assert result.exit_code == 0, result.output
+    image = np.asarray(Image.open(tmp_path / "p.png").convert("RGB"), dtype=int)
+    assert (image[:, :, 0] > image[:, :, 2] + 100).mean() > 0.1  # oil, orange
+    assert (image[:, :, 2] > image[:, :, 0] + 100).mean() > 0.1  # water, blue
+
+
 def test_a_film_takes_any_painter_and_tells_how_far_it_is(run, tmp_path):
     painted, told = [], []
 

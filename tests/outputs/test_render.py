@@ -153,3 +153,31 @@ def test_a_body_in_the_water_stands_on_the_floor():
     assert obstacle.bounds[4] > 0.0
     assert obstacle.bounds[0] == pytest.approx(0.5, abs=0.1)
     assert obstacle.bounds[1] == pytest.approx(1.1, abs=0.1)
+
+
+def test_a_column_through_a_roof_has_nothing_of_the_roof():
+    """A column of 0.6 m from under the floor to over a roof at z = 1: no wider than its foot, and the roof is there."""
+    pytest.importorskip("pyvista")
+    plates = lattice(20, 20, 3)
+    floor, roof = plates * [1, 1, -1], plates + np.array([0.0, 0.0, 1.0])
+    column = lattice(6, 6, 18) + np.array([0.7, 0.7, -0.3])
+    away = column[:, :2] - 1.0
+    axis, rows = np.argmax(np.abs(away), axis=1), np.arange(len(column))
+    depth = 0.3 - np.abs(away[rows, axis])
+    to_surface = np.zeros((len(column), 3))
+    to_surface[rows, axis] = np.sign(away[rows, axis]) * depth
+    free = np.abs(plates[:, :2] - 1.0).max(axis=1) > 0.3
+    position = np.concatenate([floor[free], roof[free], column])
+    flat = np.zeros((2 * free.sum(), 3))
+    flat[:, 2] = np.concatenate([-floor[free, 2], 1.0 - roof[free, 2]])
+    arrays = {
+        "position": position,
+        "to_surface": np.concatenate([flat, to_surface]),
+        "kind": np.where(np.concatenate([np.abs(flat[:, 2]), depth]) < 0.06, 2, 4),
+        "body": np.repeat([0, 1], [2 * free.sum(), len(column)]),
+    }
+    room, obstacle = render.walls(Frame(0.0, 0, arrays, SPACING, 3, {}))
+    assert np.allclose(room.bounds, (0.0, 2.0, 0.0, 2.0, 0.0, 1.0), atol=1e-6)
+    assert obstacle.bounds[0] == pytest.approx(0.7, abs=1.2 * SPACING)
+    assert obstacle.bounds[1] == pytest.approx(1.3, abs=1.2 * SPACING)
+    assert obstacle.bounds[5] == pytest.approx(1.5, abs=0.3 * SPACING)

@@ -60,10 +60,11 @@ def check(
     table.add_row("time", f"about {duration(predicted.seconds)} {workers}")
     picture = Path(f"{loaded.origin.label}-initial.png") if out is None else out
     picture.parent.mkdir(parents=True, exist_ok=True)
-    settings = loaded.output
-    if not rows["velocity"].any():  # one colour would show nothing
+    settings, initial = loaded.output, build.initial_snapshot(loaded, rows)
+    known = settings.colour == "speed" or settings.colour in initial
+    if not known or (settings.colour != "material" and not rows["velocity"].any()):  # one colour would show nothing
         settings = settings.model_copy(update={"colour": "pressure", "colour_range": None})
-    frame = frame_of(build.initial_snapshot(loaded, rows))
-    draw_frames([frame], picture, settings, loaded.title)
+    frame = frame_of(initial, None if settings.colour == "speed" else settings.colour)
+    draw_frames([frame], picture, settings, loaded.title, fluids=[fluid.name for fluid in loaded.fluid])
     console.print(table)
     console.print(f"The case is in order. Initial particles: {picture}", highlight=False)

@@ -111,6 +111,12 @@ def settings_of(results: Results, **changes: Any) -> OutputSettings:
         raise PlotError(str(first["loc"][0]), repr(first["input"]), first["msg"]) from None
 
 
+def fluids_of(results: Results) -> list[str]:
+    """Return the names of a run's fluids, in the order of the field ``material``."""
+    tables = results.document.get("fluid")
+    return [str(table.get("name")) for table in tables if isinstance(table, dict)] if isinstance(tables, list) else []
+
+
 def check_colour(results: Results, colour: str) -> None:
     """Raise PlotError where the frames do not have the field that is to colour them."""
     if not len(results):
@@ -131,7 +137,8 @@ def snapshots(results: Results, times: Sequence[float], path: Path, settings: Ou
     else:
         numbers = sorted({round((len(results) - 1) * share) for share in _SHOWN})
         chosen = {number: results[number] for number in numbers}
-    return pictures.draw_frames([chosen[k] for k in sorted(chosen)], path, settings, results.title)
+    frames = [chosen[k] for k in sorted(chosen)]
+    return pictures.draw_frames(frames, path, settings, results.title, 150, fluids_of(results))
 
 
 def _gauges(results: Results, names: Sequence[str], folder: Path, file_format: str) -> list[Path]:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from spume.outputs import frames, raster, vtkhdf
+from spume.outputs import frames, raster, scene, vtkhdf
 from spume.outputs.film import ffmpeg, write_gif, write_mp4
 from spume.outputs.output import Output, OutputSettings, RunLike
 from spume.outputs.plots import plot_gauges
@@ -26,13 +26,15 @@ from spume.outputs.snapshot import FLUID, WALL, Snapshot
 _ANIMATION_FRAMES = 100
 _WALL_COLOUR = np.array([0.55, 0.57, 0.60], dtype=np.float32)
 _DUMMY_COLOUR = np.array([0.76, 0.77, 0.79], dtype=np.float32)
-_OBSTACLE_COLOUR = np.array([0.80, 0.52, 0.36], dtype=np.float32)
 _DRAWN = ("position", "kind", "body", "velocity", "pressure", "free_surface", "to_surface")
-_TITLES = {"speed": ("speed", "m/s"), "number_density": ("number density", "1")}
+_TITLES = {"speed": ("speed", "m/s"), "number_density": ("number density", "1"), "material": ("fluid", "")}
 
 
 # From deep to bright water; lightness grows evenly, so it reads in grey and for the colour-blind.
 _WATER = ("#0a2f5c", "#125a94", "#2087b8", "#4db3c6", "#96d6c3", "#e2eeb0")
+
+FLUID_COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9")
+"""Okabe & Ito's colours, as in the report."""
 
 
 def map_of(settings: OutputSettings) -> Any:
@@ -87,6 +89,7 @@ class View:
         lower, upper: corners of what is shown [m], shape (d,).
         low, high: values at the ends of the colour scale [SI unit of the field].
         settings: the case's settings of pictures.
+        classes: names of the values 0, 1 … of a field that counts, which has a colour for each.
     """
 
     lower: NDArray[np.float64]
@@ -94,6 +97,19 @@ class View:
     low: float
     high: float
     settings: OutputSettings
+    classes: tuple[str, ...] = ()
+
+    @property
+    def map(self) -> Any:
+        """Matplotlib's colour map, from `low` to `high`."""
+        from matplotlib.colors import ListedColormap
+
+        whole = map_of(self.settings)
+        if not self.classes:
+            return whole
+        if self.settings.map is None and len(self.classes) <= len(FLUID_COLOURS):
+            return ListedColormap(FLUID_COLOURS[: len(self.classes)])
+        return ListedColormap(whole(np.linspace(0.0, 1.0, len(self.classes))))
 
     @property
     def size(self) -> NDArray[np.float64]:
@@ -101,8 +117,8 @@ class View:
         return self.upper - self.lower
 
 
-def view_of(sample: Sequence[vtkhdf.Frame], settings: OutputSettings) -> View:
-    """Choose window and colour scale from some frames of a run."""
+def view_of(sample: Sequence[vtkhdf.Frame], settings: OutputSettings, fluids: Sequence[str] = ()) -> View:
+    """Choose window and colour scale from some frames of a run, which has these fluids."""
     corners = []
     values = []
     for frame in sample:
@@ -120,6 +136,10 @@ def view_of(sample: Sequence[vtkhdf.Frame], settings: OutputSettings) -> View:
     everything = np.array(corners)
     margin = 0.5 * sample[0].spacing
     lower, upper = everything[:, 0].min(axis=0) - margin, everything[:, 1].max(axis=0) + margin
+    if settings.colour == "material" and settings.colour_range is None:
+        count = 1 + int(max((v.max() for v in values), default=0.0))
+        names = tuple(fluids) if len(fluids) >= count else tuple(str(number) for number in range(count))
+        return View(lower, upper, -0.5, len(names) - 0.5, settings, names)
     if settings.colour_range is not None:
         low, high = settings.colour_range
     else:
@@ -154,16 +174,16 @@ def paint(frame: vtkhdf.Frame, view: View, shape: tuple[int, int], fine: bool = 
     fluid = frame["kind"] == FLUID
     share = np.zeros(len(fluid))
     share[fluid] = (values_of(frame, view.settings.colour)[fluid] - view.low) / (view.high - view.low)
-    table = map_of(view.settings)(np.linspace(0.0, 1.0, 256))[:, :3].astype(np.float32)
+    table = view.map(np.linspace(0.0, 1.0, 256))[:, :3].astype(np.float32)
     colours = table[np.clip(np.nan_to_num(share) * 255.0 + 0.5, 0, 255).astype(int)]
     wall = frame["kind"] == WALL
     colours[~fluid] = _DUMMY_COLOUR
     colours[wall] = _WALL_COLOUR
     big = (2 * shape[0], 2 * shape[1])
     if frame.dimension == 3 and not fine:
-        return _paint_3d(frame, view, shape, colours, fluid)
+        return scene.paint(frame, view, shape, colours)
     if frame.dimension == 3:
-        return raster.halve(_paint_3d(frame, view, big, colours, fluid))
+        return raster.halve(scene.paint(frame, view, big, colours))
     position = np.asarray(frame["position"], dtype=float)
     l0 = frame.spacing
     window = raster.Window(view.lower, view.upper, float(np.min(np.array(big[::-1]) / view.size)))
@@ -177,64 +197,6 @@ def paint(frame: vtkhdf.Frame, view: View, shape: tuple[int, int], fine: bool = 
         shade = np.where(water >= 0, 1.0 - 0.22 * np.minimum(distance / (0.6 * l0), 1.0) ** 2, 1.0)
         image = (image * shade[:, :, None] + 0.5).astype(np.uint8)
     return raster.halve(image)
-
-
-def _paint_3d(
-    frame: vtkhdf.Frame, view: View, shape: tuple[int, int], colours: raster.Colours, fluid: NDArray[np.bool_]
-) -> raster.Image:
-    azimuth, height = view.settings.view_deg
-    camera = raster.Camera(view.lower, view.upper, azimuth, height, shape)
-    shown = fluid.copy()
-    position = np.asarray(frame["position"], dtype=float)
-    if "to_surface" in frame:
-        # Of walls, only the faces that look at the eye: floor and far sides of a tank, not its front.
-        to_surface = np.asarray(frame["to_surface"], dtype=float)
-        length = np.linalg.norm(to_surface, axis=1)
-        normal = to_surface / np.where(length > 0.0, length, 1.0)[:, None]
-        # Behind a slanted or curved face rows stand at any depth up to this, behind an inner corner deeper.
-        steepest = np.abs(normal).max(axis=1)
-        faced = (frame["kind"] == WALL) & (length > 0.0) & (length < (steepest - 1e-6) * frame.spacing)
-        light = 0.90 + 0.06 * normal[:, 2] - 0.05 * np.abs(normal[:, 0])
-        colours = np.where(fluid[:, None], colours, light[:, None]).astype(np.float32)
-        position = position + to_surface  # the wetted planes themselves, which meet at the edges
-        obstacle = obstacles_of(frame, position, normal, faced)
-        room = faced & ~obstacle
-        if np.any(obstacle):
-            shade = 0.62 + 0.38 * np.clip(normal @ (camera.axes.T @ _LIGHT), 0.0, 1.0)
-            colours[obstacle] = _OBSTACLE_COLOUR * shade[obstacle, None]
-            if np.any(room):  # a foundation under the floor is not to be seen
-                lower, upper = position[room].min(axis=0), position[room].max(axis=0)
-                faced &= np.all((position > lower - 1e-3 * frame.spacing) & (position < upper + frame.spacing), axis=1)
-        shown |= faced & (normal @ camera.axes[2] > 0.02)
-    rows = np.flatnonzero(shown)
-    radius = np.where(fluid[rows], 0.6, 0.8) * frame.spacing
-    return raster.paint_spheres(camera, position[rows], radius, colours[rows], fluid[rows])
-
-
-_LIGHT = np.array([-0.5, 0.55, 0.67])  # right, up, towards the eye
-
-
-def obstacles_of(
-    frame: vtkhdf.Frame, surface: NDArray[np.float64], normal: NDArray[np.float64], faced: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
-    """Return which rows belong to bodies that stand in the water: their faces look away from their middle.
-
-    Args:
-        frame: the frame, with ``body``.
-        surface: where the side of each solid row meets the water [m], shape (rows, d).
-        normal: unit normals there, towards the water, shape (rows, d).
-        faced: which rows have such a side, shape (rows,).
-    """
-    result = np.zeros(len(surface), dtype=bool)
-    if "body" not in frame:
-        return result
-    body = np.asarray(frame["body"])
-    for index in np.unique(body[faced]):
-        mine = faced & (body == index)
-        away = surface[mine] - surface[mine].mean(axis=0)
-        if np.einsum("ij,ij->", away, normal[mine]) > 0.0:
-            result |= body == index
-    return result
 
 
 # ------------------------------------------------------------------------------------------- figures
@@ -360,14 +322,21 @@ class _Panels:
         axes = self.figure.add_axes(
             ((width - inch.right + 0.16) / width, 0.5 * (top + bottom - long), 0.13 / width, long)
         )
-        mappable = ScalarMappable(Normalize(view.low, view.high), map_of(view.settings))
+        mappable = ScalarMappable(Normalize(view.low, view.high), view.map)
         bar = self.figure.colorbar(mappable, cax=axes)
         name, unit = _TITLES.get(view.settings.colour, (view.settings.colour.replace("_", " "), ""))
         unit = unit or {"pressure": "Pa"}.get(view.settings.colour, "")
         bar.set_label(f"{name} [{unit}]" if unit else name, labelpad=5)
         bar.outline.set_linewidth(0.5)
         axes.tick_params(length=3, width=0.6, labelsize=8.5)
-        axes.locator_params(nbins=6)
+        if not view.classes:
+            axes.locator_params(nbins=6)
+            return
+        bar.set_ticks(range(len(view.classes)), labels=view.classes)
+        axes.tick_params(length=0)
+        if max(map(len, view.classes)) > 6:  # there is no room beside the scale
+            for text in axes.get_yticklabels():
+                text.set(rotation=90, verticalalignment="center")
 
     def show(self, panel: int, frame: vtkhdf.Frame, end: float) -> None:
         """Draw a frame of a run that ends at ``end`` [s] into a panel."""
@@ -394,6 +363,7 @@ def draw_frames(
     settings: OutputSettings | None = None,
     title: str = "",
     dpi: int = 150,
+    fluids: Sequence[str] = (),
 ) -> Path:
     """Draw some frames, each in a panel, with one colour scale; return the file.
 
@@ -403,8 +373,9 @@ def draw_frames(
         settings: colours and camera.
         title: text above.
         dpi: pixels per inch.
+        fluids: names of the fluids.
     """
-    frames_figure(chosen, settings, title, dpi).savefig(path, dpi=dpi)
+    frames_figure(chosen, settings, title, dpi, fluids=fluids).savefig(path, dpi=dpi)
     return path
 
 
@@ -414,6 +385,7 @@ def frames_figure(
     title: str = "",
     dpi: int = 150,
     painter: Painter | None = None,
+    fluids: Sequence[str] = (),
 ) -> Any:
     """Return matplotlib's figure of some frames, each in a panel, with one colour scale.
 
@@ -423,6 +395,7 @@ def frames_figure(
         title: text above.
         dpi: pixels per inch.
         painter: what paints a panel; default: `paint`.
+        fluids: names of the fluids.
 
     Raises:
         KeyError: the frames do not have the field that is to colour them.
@@ -430,7 +403,7 @@ def frames_figure(
     import matplotlib
 
     settings = settings or OutputSettings()
-    view = view_of(chosen, settings)
+    view = view_of(chosen, settings, fluids)
     with matplotlib.rc_context(STYLE):
         columns = 1 if len(chosen) == 1 else 2
         if len(chosen) > 1 and chosen[0].dimension == 2 and view.size[1] > 1.4 * view.size[0]:
@@ -477,6 +450,7 @@ def animate(
     dpi: int = 96,
     painter: Painter | None = None,
     told: Callable[[int, int], None] | None = None,
+    fluids: Sequence[str] = (),
 ) -> Path:
     """Animate the frames of a run; return the file, whose ending says the format (``.gif``, ``.mp4``).
 
@@ -490,6 +464,7 @@ def animate(
         dpi: pixels per inch.
         painter: what paints a frame; default: `paint`.
         told: is told how many pictures are drawn, and of how many.
+        fluids: names of the fluids.
     """
     import matplotlib
 
@@ -498,7 +473,7 @@ def animate(
     numbers = list(range(0, len(reader), stride))
     fields = fields_of(reader, settings)
     sample = [reader.read(n, fields) for n in numbers[:: max(len(numbers) // 12, 1)]]
-    view = view_of(sample, settings)
+    view = view_of(sample, settings, fluids)
     with matplotlib.rc_context(STYLE):
         panels = _Panels(view, reader.dimension, 1, 1, 8.0, dpi, title, False, painter)
 
@@ -522,7 +497,7 @@ def animate(
             if write_mp4(images(), path):
                 return path
             path = path.with_suffix(".gif")
-        write_gif(images(), path, map_of(settings))
+        write_gif(images(), path, view.map)
     return path
 
 
@@ -547,11 +522,17 @@ class Pictures(Output):
     def finish(self, run: RunLike) -> None:
         if getattr(run, "hurried", False):  # the machine is wanted for something else
             return
-        self.drawn = draw_run(run.folder, self.settings, self.references, str(getattr(run.case, "title", "") or ""))
+        title = str(getattr(run.case, "title", "") or "")
+        fluids = [str(fluid.name) for fluid in getattr(run.case, "fluid", ())]
+        self.drawn = draw_run(run.folder, self.settings, self.references, title, fluids)
 
 
 def draw_run(
-    folder: Path, settings: OutputSettings, references: Sequence[Reference] = (), title: str = ""
+    folder: Path,
+    settings: OutputSettings,
+    references: Sequence[Reference] = (),
+    title: str = "",
+    fluids: Sequence[str] = (),
 ) -> list[Path]:
     """Draw all pictures of a run folder; return the files."""
     import matplotlib
@@ -560,20 +541,23 @@ def draw_run(
     file = folder / frames.FILE
     if file.exists():
         with vtkhdf.Reader(file) as reader:
-            drawn.append(_draw_snapshot(reader, folder / "snapshot.png", settings, title))
+            drawn.append(_draw_snapshot(reader, folder / "snapshot.png", settings, title, fluids))
             if settings.animation != "none" and len(reader) > 2:
                 mp4 = settings.animation == "mp4" or (settings.animation == "auto" and ffmpeg())
-                drawn.append(animate(reader, folder / f"animation.{'mp4' if mp4 else 'gif'}", settings, title))
+                film = folder / f"animation.{'mp4' if mp4 else 'gif'}"
+                drawn.append(animate(reader, film, settings, title, fluids=fluids))
     with matplotlib.rc_context(STYLE):
         drawn += plot_gauges(folder, GAUGE_FOLDER, new_figure, references)
     return drawn
 
 
-def _draw_snapshot(reader: vtkhdf.Reader, path: Path, settings: OutputSettings, title: str) -> Path:
+def _draw_snapshot(
+    reader: vtkhdf.Reader, path: Path, settings: OutputSettings, title: str, fluids: Sequence[str]
+) -> Path:
     """Draw up to four instants: a quarter, a half, three quarters and the end of the run."""
     last = len(reader) - 1
     numbers = sorted({round(last * share) for share in (0.25, 0.5, 0.75, 1.0)})
     if len(numbers) == 3:
         numbers = numbers[-2:]
     fields = fields_of(reader, settings)
-    return draw_frames([reader.read(n, fields) for n in numbers], path, settings, title)
+    return draw_frames([reader.read(n, fields) for n in numbers], path, settings, title, fluids=fluids)

@@ -150,6 +150,12 @@ class Camera:
         """Distance of the eye from the middle of the box [m]."""
         return 2.5 * float(np.linalg.norm(self.upper - self.lower))
 
+    @property
+    def eye(self) -> NDArray[np.float64]:
+        """Where the eye is [m], shape (3,)."""
+        place: NDArray[np.float64] = 0.5 * (self.lower + self.upper) + self.distance * self.axes[2]
+        return place
+
     def _raw(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
         seen: NDArray[np.float64] = (np.asarray(points, dtype=float) - 0.5 * (self.lower + self.upper)) @ self.axes.T
         depth = self.distance - seen[:, 2]
@@ -190,6 +196,7 @@ def paint_spheres(
     radius: NDArray[np.floating],
     colours: Colours,
     ball: NDArray[np.bool_],
+    behind: NDArray[np.floating] | float = 0.0,
 ) -> Image:
     """Return the RGB image of particles, the nearer before the farther.
 
@@ -199,9 +206,11 @@ def paint_spheres(
         radius: radii [m], shape (rows,).
         colours: RGB in 0…1, shape (rows, 3).
         ball: which rows are shaded as balls; the others are flat discs, shape (rows,).
+        behind: how much farther than it is a row counts [m], scalar or shape (rows,).
     """
     height, width = camera.shape
     xy, depth, magnification = camera.project(position)
+    depth = depth + behind
     r = np.maximum(np.rint(radius * camera.scale * magnification), 1.0).astype(np.int64)  # whole pixels
     reach = int(r.max(initial=1))
     ok = np.all((xy > -reach) & (xy < np.array([width, height]) + reach), axis=1)

@@ -15,13 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spume.outputs import frames, pictures, raster, vtkhdf
+from spume.outputs.faces import faces_of
 from spume.outputs.output import OutputSettings
-from spume.outputs.snapshot import FLUID, WALL
+from spume.outputs.snapshot import FLUID
 from spume.outputs.surface import reconstruct, solid
 from spume.problems import CaseError, Problem
 
 if TYPE_CHECKING:
     from spume.results import Results
+
+Floats = NDArray[np.float64]
 
 INSTALL = 'pip install "spume[view]"'
 
@@ -116,13 +119,14 @@ def render_run(
     chosen = times or [results.times[round((len(results) - 1) * share)] for share in (0.25, 0.5, 0.75, 1.0)]
     some = {frame.index: frame for frame in (results.at(float(t)) for t in chosen)}
     painter = Renderer()
-    figure = pictures.frames_figure([some[k] for k in sorted(some)], settings, results.title, 150, painter)
+    fluids = figures.fluids_of(results)
+    figure = pictures.frames_figure([some[k] for k in sorted(some)], settings, results.title, 150, painter, fluids)
     figure.savefig(folder / "render.png", dpi=150)
     drawn = [folder / "render.png"]
     if film and len(results) > 1:
         with vtkhdf.Reader(results.path / frames.FILE) as reader, matplotlib.rc_context(pictures.STYLE):
             path = folder / "render.mp4"
-            drawn.append(pictures.animate(reader, path, settings, results.title, 110, painter, told))
+            drawn.append(pictures.animate(reader, path, settings, results.title, 110, painter, told, fluids))
     painter.close()
     return drawn
 
@@ -148,8 +152,7 @@ class Renderer:
         plotter.enable_depth_peeling(8)
         plotter.enable_anti_aliasing("ssaa" if fine else "msaa")
         self._draw_walls(plotter, frame)
-        colours = pictures.map_of(view.settings)
-        common = {"cmap": colours, "clim": (view.low, view.high), "show_scalar_bar": False}
+        common = {"cmap": view.map, "clim": (view.low, view.high), "show_scalar_bar": False}
         surface = reconstruct(frame, pictures.values_of(frame, view.settings.colour))
         light = {"ambient": 0.32, "diffuse": 0.75, "specular": 0.35, "specular_power": 25}
         if surface.mesh.n_points:
@@ -206,26 +209,22 @@ def _hush() -> None:
 def walls(frame: vtkhdf.Frame) -> tuple[Any, Any]:
     """Return the wetted faces of tanks and walls, and the bodies that stand in the water, as PyVista's meshes.
 
-    Of a wall a row of the first solid layer gives a square of l0 × l0 where its side meets the water; a body is
-    reconstructed from its rows as the water is, so its edges are rounded by about a spacing.
+    Of tanks it is what looks at the water, not their outside; a body is reconstructed from its rows as the water is, so
+    its edges are rounded by about a spacing.
     """
     import pyvista
 
-    nothing = pyvista.PolyData()
-    if not {"kind", "to_surface"} <= set(frame.arrays):
-        return nothing, nothing
+    tiles = faces_of(frame)
+    shown = ~tiles.obstacle & ~tiles.outer
+    room = _tiles(tiles.centre[shown], tiles.first[shown], tiles.second[shown], frame.spacing)
+    standing = np.unique(tiles.body[tiles.obstacle])
+    if not len(standing):
+        return room, pyvista.PolyData()
     l0 = frame.spacing
-    to_surface = np.asarray(frame["to_surface"], dtype=float)
-    length = np.linalg.norm(to_surface, axis=1)
-    normal = to_surface / np.where(length > 0.0, length, 1.0)[:, None]
-    steepest = np.abs(normal).max(axis=1)  # rows behind an inner corner stand deeper than this
-    faced = (frame["kind"] == WALL) & (length > 0.0) & (length < (steepest - 1e-6) * l0)
-    surface = np.asarray(frame["position"], dtype=float) + to_surface
-    standing = pictures.obstacles_of(frame, surface, normal, faced)
-    room = _tiles(surface[faced & ~standing], normal[faced & ~standing], l0)
-    rows = standing & (frame["kind"] != FLUID)
-    position = np.asarray(frame["position"], dtype=float)
-    obstacle = solid(position[rows], position[(frame["kind"] != FLUID) & ~standing], l0)
+    solids = np.asarray(frame["kind"]) != FLUID
+    position = np.asarray(frame["position"], dtype=float)[solids]
+    own = np.isin(np.asarray(frame["body"])[solids], standing)
+    obstacle = solid(position[own], position[~own], l0)
     if room.n_points and obstacle.n_points:  # neither the wall beside it nor a foundation is part of it
         for axis, side in ((0, 0), (0, 1), (1, 0), (1, 1), (2, 0)):
             normal, origin = np.zeros(3), np.zeros(3)
@@ -235,17 +234,13 @@ def walls(frame: vtkhdf.Frame) -> tuple[Any, Any]:
     return room, obstacle
 
 
-def _tiles(centre: NDArray[np.float64], normal: NDArray[np.float64], size: float) -> Any:
-    """Return squares [m] around points, at right angles to their normals, their common corners merged."""
+def _tiles(centre: Floats, first: Floats, second: Floats, spacing: float) -> Any:
+    """Return parallelograms by their middles and sides [m], shape (tiles, 3), their common corners merged."""
     import pyvista
 
     if len(centre) == 0:
         return pyvista.PolyData()
-    axis = np.eye(3)[np.argmin(np.abs(normal), axis=1)]
-    first = np.cross(normal, axis)
-    first /= np.linalg.norm(first, axis=1)[:, None]
-    second = np.cross(normal, first)
-    corners = [centre + 0.5 * size * (i * first + j * second) for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    corners = [centre + 0.5 * (i * first + j * second) for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
     points = np.stack(corners, axis=1).reshape(-1, 3)
     cells = np.column_stack([np.full(len(centre), 4), np.arange(4 * len(centre)).reshape(-1, 4)])
-    return pyvista.PolyData(points, cells.reshape(-1)).clean(tolerance=1e-3 * size, absolute=True)
+    return pyvista.PolyData(points, cells.reshape(-1)).clean(tolerance=0.4 * spacing, absolute=True)

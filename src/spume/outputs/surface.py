@@ -25,6 +25,7 @@ WIDTH = 0.8
 _MARGIN = 4.0  # of the grid around the fluid [l0]
 _NODES = 30_000_000  # of the grid at most; it is coarsened beyond
 _SPRAY = 0.3
+_OWN = 0.1  # of space that a body fills at its surface, a spacing from where it meets others
 _BEHIND = 0.36  # a quarter of a spacing off the wall, or wall and water would flicker where they coincide
 
 
@@ -120,7 +121,7 @@ def solid(position: NDArray[np.float64], others: NDArray[np.float64], spacing: f
 
     Args:
         position: of the body's rows [m], shape (rows, 3).
-        others: of the walls that it may stand on, shape (rows, 3); their own surface near it is part of the mesh.
+        others: of the walls that it may stand on, shape (rows, 3); their own surface is no part of the mesh.
         spacing: l0 [m].
         smoothing: passes of Taubin's filter.
     """
@@ -132,10 +133,13 @@ def solid(position: NDArray[np.float64], others: NDArray[np.float64], spacing: f
     cell = _cell(lower, upper, spacing)
     shape = tuple(int(n) for n in np.ceil((upper - lower) / cell) + 1)
     grid = pyvista.ImageData(dimensions=shape, spacing=(cell,) * 3, origin=lower)
-    everything = np.concatenate([position, others])
-    grid.point_data["inside"] = filled(everything, lower, shape, cell, spacing).reshape(-1, order="F")
+    own = filled(position, lower, shape, cell, spacing)
+    grid.point_data["inside"] = (own + filled(others, lower, shape, cell, spacing)).reshape(-1, order="F")
+    grid.point_data["own"] = own.reshape(-1, order="F")
     mesh = grid.contour([0.5], scalars="inside")
-    return mesh.smooth_taubin(n_iter=smoothing, pass_band=0.1) if mesh.n_points else mesh
+    if not mesh.n_points:
+        return mesh
+    return mesh.smooth_taubin(n_iter=smoothing, pass_band=0.1).clip_scalar(scalars="own", invert=False, value=_OWN)
 
 
 def _cell(lower: NDArray[np.float64], upper: NDArray[np.float64], spacing: float) -> float:
