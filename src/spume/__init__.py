@@ -40,7 +40,7 @@ _HOME = {
     "spume.bodies.wall": ("Wall",),
     "spume.citation": ("cite",),
     "spume.outputs": ("OutputSettings", "Reference"),
-    "spume.outputs.gauges": ("Elevation", "Energy", "Force", "Front", "Momentum", "Pressure", "Volume"),
+    "spume.outputs.gauges": ("Elevation", "Energy", "Force", "Front", "Momentum", "Pressure", "Velocity", "Volume"),
     "spume.history": ("History",),
     "spume.simulation": ("Simulation",),
     "spume.run": ("Run", "resume"),

@@ -3,7 +3,7 @@ import pytest
 
 from outputs.fake_run import DENSITY, GRAVITY, N0, snapshot_of, tank
 from spume.outputs.connected import components
-from spume.outputs.gauges import Elevation, Energy, Force, Front, Momentum, Pressure, Volume
+from spume.outputs.gauges import Elevation, Energy, Force, Front, Momentum, Pressure, Velocity, Volume
 from spume.problems import CaseError
 
 L0 = 0.05
@@ -353,3 +353,58 @@ def test_energy_in_a_central_gravity():
     r = rows["position"][rows["kind"] == 1] - snapshot.focus
     expected = 0.5 * 3.0 * DENSITY * L0**2 * (r**2).sum()
     assert Energy(name="e").measure(snapshot)["potential"] == pytest.approx(expected, rel=1e-12)
+
+
+# -------------------------------------------------------------------------------- velocity, parts of the volume
+
+
+@pytest.mark.parametrize("width", [None, 0.3])
+@pytest.mark.parametrize("jitter", [0.0, 0.2])
+@pytest.mark.parametrize("point", [(0.97, 0.2), (0.43, 0.02), (0.51, 0.27)])
+def test_linear_velocity_is_measured_exactly(width, jitter, point):
+    rows = still(width, jitter)
+    d = rows["position"].shape[1]
+    slope = np.random.default_rng(1).normal(size=(d, d))
+    fluid = (rows["kind"] == 1)[:, None]
+    rows["velocity"] = np.where(fluid, rows["position"] @ slope.T + np.arange(1, d + 1), 1e6)  # walls take no part
+    x = at(point, width)
+    gauge = Velocity(name="u", at=x)
+    snapshot = snapshot_of(rows, L0)
+    gauge.check(snapshot)
+    found = gauge.measure(snapshot)
+    expected = slope @ np.array(x) + np.arange(1, d + 1)
+    assert list(found) == list(gauge.columns(d))
+    assert [found[f"velocity_{a}"] for a in "xyz"[:d]] == pytest.approx(expected, rel=1e-9)
+    assert found["speed"] == pytest.approx(np.linalg.norm(expected), rel=1e-9)
+
+
+def test_where_no_fluid_is_there_is_no_velocity():
+    snapshot = snapshot_of(still(), L0)
+    assert all(np.isnan(v) for v in Velocity(name="u", at=(0.5, 0.7)).measure(snapshot).values())
+    assert "inside a wall" in Velocity(name="u", at=(0.5, -0.12)).blind(snapshot)
+    assert Velocity(name="u", at=(0.5, 0.1)).blind(snapshot) == ""
+    with pytest.raises(ValueError, match="2 numbers in 2D"):
+        Velocity(name="u", at=(0.5, 0.1, 0.2)).check(snapshot)
+
+
+@pytest.mark.parametrize("width", [None, 0.3])
+def test_volume_in_a_box(width):
+    """Boxes that share the water share its volume."""
+    rows = still(width)
+    snapshot = snapshot_of(rows, L0)
+    whole = Volume(name="v").measure(snapshot)["volume"]
+    left = Volume(name="v", upper=at((0.3, 2.0), width) if width is None else (0.3, 1.0, 2.0))
+    right = Volume(name="v", lower=at((0.3, -1.0), width) if width is None else (0.3, -1.0, -1.0))
+    parts = [gauge.measure(snapshot)["volume"] for gauge in (left, right)]
+    assert parts[0] == pytest.approx(0.3 * whole)
+    assert sum(parts) == pytest.approx(whole)
+    above = Volume(name="v", lower=(-9.0,) * (1 if width is None else 2) + (0.6,))
+    assert above.measure(snapshot)["volume"] == 0.0
+
+
+def test_a_box_without_inside():
+    snapshot = snapshot_of(still(), L0)
+    with pytest.raises(ValueError, match="lower must be less"):
+        Volume(name="v", lower=(0.0, 0.5), upper=(1.0, 0.5)).check(snapshot)
+    with pytest.raises(ValueError, match=r"lower = \[0.0\]: 2 numbers in 2D"):
+        Volume(name="v", lower=(0.0,)).check(snapshot)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from spume.outputs.snapshot import Snapshot
 
@@ -38,13 +38,20 @@ def momentum(snapshot: Snapshot) -> NDArray[np.float64]:
     return mass(snapshot) @ velocity
 
 
-def volume(snapshot: Snapshot) -> float:
+def volume(snapshot: Snapshot, lower: ArrayLike = -np.inf, upper: ArrayLike = np.inf) -> float:
     """Return the volume that the fluid fills [m^3; m^2 in 2D].
 
     V = Σ l0^d n0 / n_i over the interior rows, plus l0^d for every row on the free surface, where n_i
     says nothing about volume. N l0^d is a constant and would hide any drift.
+
+    Args:
+        snapshot: the state.
+        lower, upper: corners [m] of a box, shape (d,): rows whose centre lies in it; default: all.
     """
     fluid = snapshot.fluid
+    if np.any(np.isfinite(lower)) or np.any(np.isfinite(upper)):
+        position = np.asarray(snapshot["position"], dtype=float)
+        fluid = fluid & np.all((position >= lower) & (position < upper), axis=1)
     cell = snapshot.spacing**snapshot.dimension
     interior = np.asarray(snapshot["free_surface"])[fluid] == 0
     n = np.asarray(snapshot["number_density"], dtype=float)[fluid][interior]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spume.outputs.gauges.elevation import Elevation
-from spume.outputs.gauges.pressure import point_pressure, wet_rows
+from spume.outputs.gauges.pressure import point_value, wet_rows
 from spume.outputs.snapshot import FLUID, WALL, Snapshot
 from spume.outputs.vtkhdf import Frame
 
@@ -191,7 +191,7 @@ def pressure_along(
         fluid, wall = np.flatnonzero(kind == FLUID), np.flatnonzero(kind == WALL)
         chosen = np.concatenate([fluid, wall[wet_rows(snapshot, wall, fluid)]])
         x, p = snapshot["position"][chosen], np.asarray(snapshot["pressure"], dtype=float)[chosen]
-        rows.append([point_pressure(point, x, p, len(fluid), spacing) for point in points])
+        rows.append([point_value(point, x, p, len(fluid), spacing) for point in points])
         times.append(frame.time)
     values = np.array(rows, dtype=float).reshape(len(times), len(points))
     vertical = bool(np.allclose(first[:-1], last[:-1]))

@@ -5,5 +5,6 @@ from spume.outputs.gauges.elevation import Elevation
 from spume.outputs.gauges.force import Force
 from spume.outputs.gauges.front import Front
 from spume.outputs.gauges.pressure import Pressure
+from spume.outputs.gauges.velocity import Velocity
 
-__all__ = ["Elevation", "Energy", "Force", "Front", "Momentum", "Pressure", "Volume"]
+__all__ = ["Elevation", "Energy", "Force", "Front", "Momentum", "Pressure", "Velocity", "Volume"]

@@ -83,7 +83,7 @@ class Pressure(Riding, name="pressure"):
         wall = wall[wet_rows(snapshot, wall, fluid)]
         rows = np.concatenate([fluid, wall])
         p = np.asarray(snapshot["pressure"], dtype=float)[rows]
-        values = [point_pressure(x, position[rows], p, len(fluid), l0) for x in points]
+        values = [point_value(x, position[rows], p, len(fluid), l0) for x in points]
         return {"pressure": float(np.mean(values))}
 
     def _wall_normal(self, snapshot: Snapshot) -> NDArray[np.float64] | None:
@@ -133,19 +133,19 @@ def wet_rows(snapshot: Snapshot, rows: NDArray[np.intp], fluid: NDArray[np.intp]
     return np.isfinite(distance)
 
 
-def point_pressure(
+def point_value(
     point: NDArray[np.float64],
     position: NDArray[np.float64],
-    pressure: NDArray[np.float64],
+    values: NDArray[np.float64],
     fluid: int,
     spacing: float,
 ) -> float:
-    """Return the pressure at a point from the rows around it [Pa]; see :class:`Pressure`.
+    """Return the value of a field at a point from the rows around it, 0 without fluid near; see :class:`Pressure`.
 
     Args:
         point: x [m], shape (d,).
         position: of the rows [m], shape (rows, d).
-        pressure: of the rows [Pa], shape (rows,).
+        values: of the rows, shape (rows,).
         fluid: number of fluid rows; they are the first.
         spacing: l0 [m].
     """
@@ -155,7 +155,7 @@ def point_pressure(
         return 0.0
     inside = q2 < 1.0
     w = (1.0 - q2[inside]) ** 2
-    p = pressure[inside]
+    p = values[inside]
     mean = float(w @ p / w.sum())
     basis = np.column_stack([np.ones(len(w)), offset[inside]])
     moments = basis.T @ (w[:, None] * basis)
