@@ -1,6 +1,7 @@
 """Files that a case names: copies in the run folder, which is whole without the originals."""
 
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -125,3 +126,12 @@ def test_only_what_a_file_changes_is_another_object(case, tmp_path):
     drawn, given = here.body[1].shape, case.body[1].shape
     assert drawn.file != given.file
     assert np.array_equal(drawn.facets().vertices, given.facets().vertices)
+
+
+def test_files_of_one_name_are_told_apart_in_a_relative_folder_too(case, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    here = inputs.kept(case, Path("run"))
+    own = [path for path in inputs.files_of(here) if not path.is_relative_to(CASES)]
+    assert sorted(path.name for path in own) == ["gravity-2.csv", "gravity.csv", "step.stl"]
+    assert len({path.read_bytes() for path in own}) == 3
+    assert all(path.is_absolute() for path in own)

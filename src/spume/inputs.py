@@ -40,12 +40,12 @@ def kept(case: P, folder: Path) -> P:
     for source in files_of(case):
         if source in copies or source.is_relative_to(CASES):
             continue
-        target, number = folder / FOLDER / source.name, 2
+        target, number = folder.absolute() / FOLDER / source.name, 2
         while target in copies.values():
             target, number = target.with_name(f"{source.stem}-{number}{source.suffix}"), number + 1
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy2(source, target)
-        copies[source] = target.absolute()
+        copies[source] = target
     return _renamed(case, copies) if copies else case
 
 

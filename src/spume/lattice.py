@@ -13,6 +13,13 @@ def regular_neighbours(reach: float, dimension: int) -> float:
     return pi * reach**2 if dimension == 2 else 4.2 * reach**3
 
 
+def corner_neighbours(reach: float, dimension: int) -> int:
+    """Return how many neighbours within ``reach`` spacings a row has in the corner of a block of the arrangement."""
+    along = np.arange(int(reach) + 1)
+    distance = np.linalg.norm(np.stack(np.meshgrid(*[along] * dimension), axis=-1), axis=-1)
+    return int(np.count_nonzero(distance < reach)) - 1
+
+
 @dataclass(frozen=True)
 class Lattice:
     """The square or cubic arrangement on which a calculation starts.

@@ -21,8 +21,8 @@ def weakly_compressible(cloud, exponent=7.0, diffusion=0.1):
 
     P = rho c^2/gamma (s^gamma - 1);  u' = u + dt [div(mu grad u)/rho - grad P/rho], grad P in the sum form;
     (s' - s)/dt = -s div u' + delta l0/(rho c) 2 d/n0 sum_j [P_j - P_i - (grad P_i + grad P_j) . r_ij/2] W/r^2,
-    here with the corrected gradient. Rows with less than 0.15 of the lattice's neighbours, pi re^2/l0^2 in 2D and
-    4.2 re^3/l0^3 in 3D, have s' = 1, and those with up to 0.25 of them something in between.
+    here with the corrected gradient. Rows with less than 0.4 of the neighbours of a corner of the lattice have s' = 1,
+    and those with up to 0.7 of them something in between.
     """
     s = density_at_start(cloud)
     P = cloud.rho * SOUND**2 / exponent * (s**exponent - 1)
@@ -36,7 +36,8 @@ def weakly_compressible(cloud, exponent=7.0, diffusion=0.1):
             jump = P[j] - P[i] - (slope[i] + slope[j]) @ r / 2
             share = diffusion * cloud.l0 / (cloud.rho[i] * SOUND) * 2 * cloud.d / cloud.n0
             rate[i] += share * jump * w / apart**2
-    full = (np.pi, 4.2)[cloud.d - 2] * (cloud.re / cloud.l0) ** cloud.d
+    reach = round(cloud.re / cloud.l0, 9)
+    corner = sum(0 < np.linalg.norm(k) < reach for k in np.ndindex(*[int(reach) + 1] * cloud.d))
     near = np.array([len(list(cloud.neighbours(i))) for i in range(len(cloud))])
-    inside = np.clip((near / full - 0.15) / 0.1, 0.0, 1.0)
+    inside = np.clip((near / corner - 0.4) / 0.3, 0.0, 1.0)
     return (1 + inside * (s + DT * rate - 1) - s) / DT

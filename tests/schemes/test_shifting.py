@@ -329,3 +329,21 @@ def test_a_row_near_a_wall_may_be_shifted_away_from_it():
     row = np.flatnonzero(particles.numpy("kind") == FLUID)[0]
     assert shift[-1, 1] > 0.0
     assert particles.numpy("position")[row, 1] == pytest.approx(0.1 * L0 + shift[-1, 1])
+
+
+@pytest.mark.parametrize("shifting", SCHEMES, ids=key)
+def test_what_is_held_by_a_wall_keeps_its_velocity_too(shifting):
+    """The fields of a place that a row is not moved to are not its own."""
+    cells = np.arange(-4, 5) * L0
+    wall = np.stack(np.meshgrid(cells, [-1.0 * L0, -2.0 * L0]), axis=-1).reshape(-1, 2)
+    fluid = np.stack(np.meshgrid(cells, (0.2 + np.arange(5)) * L0), axis=-1).reshape(-1, 2)
+    position = np.concatenate([wall, fluid])
+    kind = np.repeat([WALL, FLUID], [len(wall), len(fluid)])
+    to_surface = np.where((kind == WALL)[:, None], np.stack([0 * position[:, 0], -position[:, 1]], axis=1), 0.0)
+    velocity = np.random.default_rng(3).normal(size=position.shape)
+    shape = {"kind": kind, "to_surface": to_surface, "density": np.full(len(position), 1000.0), "velocity": velocity}
+    _, particles, _ = shifted(position, shifting.model_copy(update={"correct_fields": True}), **shape)
+    held = (particles.numpy("held_by_wall") > 0) & (particles.numpy("kind") == FLUID)
+    assert held.any()
+    assert not particles.numpy("shift")[held].any()
+    assert np.array_equal(particles.numpy("velocity")[held], velocity[particles.numpy("id")[held]])

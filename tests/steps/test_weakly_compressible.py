@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 
 import spume
+from spume.particles import FLUID, WALL
 from spume.schemes.collision.none import Free
 from spume.schemes.gradient.stabilised import Stabilised
 from spume.steps.weakly_compressible import WeaklyCompressible
+from spume.wall_models.neumann import Neumann
+from spume.wall_models.resting import Resting
 from tanks import advanced, by_id, column, dam_break, drop
 
 
@@ -183,3 +186,30 @@ def test_a_dam_break_on_a_round_body(device):
         simulation.advance()
         fastest = max(fastest, simulation.particles.largest_norm("velocity"))
     assert fastest < 3.0 * np.sqrt(2 * 9.81 * 0.2)
+
+
+def test_wall_rows_with_an_equation_diffuse_nothing(device):
+    """What the field holds at their places is that of rows that were there before, and not kept by a checkpoint."""
+    step = WeaklyCompressible(wall_model=Resting())
+    simulation = advanced(build(dam_break(cells=(6, 8), length=14, step=step), device), steps=40)
+    particles = simulation.particles
+    arrays, numbers = simulation.state(())
+    found = []
+    for stale in (0.0, 7.0):
+        simulation.restore(arrays, numbers)
+        particles.set("density_diffusion", np.full(particles.count, stale))
+        simulation.advance()
+        found.append(by_id(simulation, "relative_density", kinds=FLUID | WALL))
+    assert np.array_equal(*found)
+
+
+@pytest.mark.parametrize("re", [2.1, 3.1])
+def test_the_corner_of_a_tank_is_no_spray(device, re):
+    step = WeaklyCompressible(wall_model=Neumann(re=re))
+    case = column(cells=(8, 12), initial="hydrostatic")
+    thicker = tuple(body.model_copy(update={"layers": 4}) for body in case.body)
+    case = case.model_copy(update={"body": thicker, "step": step})
+    simulation = advanced(build(case, device), steps=60)
+    x, p = by_id(simulation, "position", "pressure")
+    corner = np.argmin(np.abs(x).sum(axis=1))
+    assert p[corner] == pytest.approx(9810.0 * (0.3 - x[corner, 1]), rel=0.02)

@@ -85,9 +85,11 @@ class PredictMoveProject(Projection, name="predict-move-project"):
                 body.move(particles, t + dt)
             # What meets a wall meets it as it moves, not as the predictor accelerates its rows.
             self.wall_model.neumann(particles, dt)
-            self.wall_model.rest(particles)
+            accelerates = self.wall_model.predicted & SOLID
+            if accelerates:
+                self.wall_model.rest(particles)
             self.collision(lattice, particles, pairs, dt)
-            if self.wall_model.predicted & SOLID:
+            if accelerates:
                 row_map(accelerated_wall, particles, out="velocity", rows=SOLID, arguments=(dt,))
 
         with domain.stages("search"):

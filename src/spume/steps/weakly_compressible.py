@@ -9,7 +9,7 @@ from pydantic import Field as Parameter
 
 from spume import kernels
 from spume.domain import Domain
-from spume.lattice import regular_neighbours
+from spume.lattice import corner_neighbours
 from spume.pairs import pair_sum, pair_term, row_map, row_term
 from spume.particles import ANY, FLUID, WALL, Field
 from spume.schemes.collision.base import Collision
@@ -44,17 +44,16 @@ def smoothing(a, b, r, w, scale):  # type: ignore[no-untyped-def]
 
 @row_term(reads=("relative_density", "divergence", "density_diffusion", "fluid_neighbours", "kind"))
 def continuity(a, dt, few, enough):  # type: ignore[no-untyped-def]
-    change = dt * (a.density_diffusion - a.relative_density * a.divergence)
+    diffusion = kernels.qd.select(a.kind == FLUID, a.density_diffusion, 0.0)
+    change = dt * (diffusion - a.relative_density * a.divergence)
     # Drops have the pressure of the air: nothing would ever take back what their few neighbours add up to.
     share = min(max((a.fluid_neighbours - few) / (enough - few), 0.0), 1.0)
     share = kernels.qd.select(a.kind == FLUID, share, 1.0)
     return 1.0 + share * (a.relative_density + change - 1.0)
 
 
-_SPRAY = (0.15, 0.25)
-"""Parts of the lattice's neighbours: with less fluid than the first a row is spray, from the second on it is none [1].
-
-A row in the corner of a tank has 0.36 of them in 2D and 0.26 in 3D."""
+_SPRAY = (0.4, 0.7)
+"""Parts of the neighbours in a tank's corner: with less than the first a row is spray, from the second on not [1]."""
 
 
 class WeaklyCompressible(Step, name="weakly-compressible"):
@@ -66,11 +65,12 @@ class WeaklyCompressible(Step, name="weakly-compressible"):
     diffusion that leaves linear pressures alone, on any arrangement);
     r += dt u^(k+1), the symplectic Euler scheme, stable for waves of sound up to a Courant number of about one.
     Shakibaeinia & Jin take s = n/n0 of the positions, whose disorder is then pressure; here s follows from continuity.
-    Spray, rows with hardly a fluid neighbour, has s = 1. Walls: the pressure of solid rows is extrapolated from the
-    fluid; what comes near them is stopped by collisions, for this pressure answers late. Density errors are of the
-    order of the Mach number squared, |u|^2/c0^2. With the gradient ``sum`` momentum is conserved. For violent flows
-    without long rest, and where a linear system is unwanted; steps are shorter by the Mach number than those of a
-    projection.
+    Spray, rows with hardly a fluid neighbour, has s = 1. Across an interface of fluids pressures are taken as they are,
+    where steps that solve for them see what is continuous there. Walls: the pressure of solid rows is extrapolated
+    from the fluid; what comes near them is stopped by collisions, for this pressure answers late. Density errors are
+    of the order of the Mach number squared, |u|^2/c0^2. With the gradient ``sum`` momentum is conserved. For violent
+    flows without long rest, and where a linear system is unwanted; steps are shorter by the Mach number than those of
+    a projection.
     """
 
     ids: ClassVar = ("A5",)
@@ -164,15 +164,16 @@ class WeaklyCompressible(Step, name="weakly-compressible"):
             self.wall_model.rest(particles)
         with domain.stages("density"):
             model = self.number_density
-            Corrected()(lattice, particles, pairs, out="linear_gradient", over=FLUID)
-            pair_sum(
-                smoothing, particles, pairs, out="density_diffusion", weight=model.weight, re=model.radius(lattice),
-                over=FLUID,
-                arguments=(self.diffusion * lattice.spacing * 2.0 * lattice.dimension / model.n0(lattice),),
-            )  # fmt: skip
+            if self.diffusion > 0.0:
+                Corrected()(lattice, particles, pairs, out="linear_gradient", over=FLUID)
+                pair_sum(
+                    smoothing, particles, pairs, out="density_diffusion", weight=model.weight,
+                    re=model.radius(lattice), over=FLUID,
+                    arguments=(self.diffusion * lattice.spacing * 2.0 * lattice.dimension / model.n0(lattice),),
+                )  # fmt: skip
             self.divergence(lattice, particles, pairs, out="divergence", mirror=self.wall_model.mirror)
-            full = regular_neighbours(self.wall_model.re, lattice.dimension)
-            few, enough = (part * full for part in _SPRAY)
+            corner = corner_neighbours(self.wall_model.re, lattice.dimension)
+            few, enough = (part * corner for part in _SPRAY)
             row_map(continuity, particles, out="relative_density", rows=rows, arguments=(dt, few, enough))
         row_map(moved, particles, out="position", rows=FLUID, arguments=(dt,))
         for body in bodies:

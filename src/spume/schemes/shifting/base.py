@@ -71,9 +71,14 @@ def towards_near_wall(a, b, r, w, gap, width):  # type: ignore[no-untyped-def]
     return kernels.qd.cast(near and beside and a.shift.dot(normal) < 0.0, kernels.i32)
 
 
-@row_term(reads=("position", "shift", "held_by_wall"))
+@row_term(reads=("shift", "held_by_wall"))
+def unless_held(a):  # type: ignore[no-untyped-def]
+    return kernels.qd.select(a.held_by_wall > 0, 0.0, 1.0) * a.shift
+
+
+@row_term(reads=("position", "shift"))
 def shifted(a):  # type: ignore[no-untyped-def]
-    return a.position + kernels.qd.select(a.held_by_wall > 0, 0.0, 1.0) * a.shift
+    return a.position + a.shift
 
 
 @row_term(reads=("shifted_velocity",))
@@ -113,11 +118,17 @@ class Diffusive(Shifting):
     def shift(self, lattice: Lattice, particles: Particles, pairs: Pairs) -> None:
         """Add ``shift`` to ``position`` of fluid rows; with ``correct_fields`` take the fields to the new place.
 
-        A row nearer than l0/4 to the surface of a wall is not shifted further towards it.
+        A row nearer than l0/4 to the surface of a wall is not shifted at all where that would take it towards the wall.
 
         The gradients are corrected (exact for linear fields on any arrangement) and sum over the fluid alone, for
         across a wall velocity and pressure are no smooth fields.
         """
+        l0 = lattice.spacing
+        pair_sum(
+            towards_near_wall, particles, pairs, out="held_by_wall", weight=self.weight, re=_REACH * l0, over=SOLID,
+            arguments=(_GAP * l0, _HALF_WIDTH * l0),
+        )  # fmt: skip
+        row_map(unless_held, particles, out="shift", rows=FLUID)
         if self.correct_fields:
             correction_matrix(self, lattice, particles, pairs, FLUID, rows=FLUID)
             pair_sum(
@@ -127,11 +138,6 @@ class Diffusive(Shifting):
             )  # fmt: skip
             row_map(carried_velocity, particles, out="velocity", rows=FLUID)
             row_map(carried_pressure, particles, out="pressure", rows=FLUID)
-        l0 = lattice.spacing
-        pair_sum(
-            towards_near_wall, particles, pairs, out="held_by_wall", weight=self.weight, re=_REACH * l0, over=SOLID,
-            arguments=(_GAP * l0, _HALF_WIDTH * l0),
-        )  # fmt: skip
         row_map(shifted, particles, out="position", rows=FLUID)
 
 

@@ -39,9 +39,9 @@ def repulsion(a, b, r, w, scale, dt, largest):  # type: ignore[no-untyped-def]
     return (a.pressure + value) * w / r.dot(r) * r
 
 
-@row_term(reads=("velocity", "repulsion"))
+@row_term(reads=("velocity", "repulsion", "held_by_wall"))
 def repelled(a):  # type: ignore[no-untyped-def]
-    return a.velocity + a.repulsion
+    return a.velocity + kernels.qd.select(a.held_by_wall > 0, 0.0, 1.0) * a.repulsion
 
 
 @row_term(reads=("shift", "repulsion"))
