@@ -144,3 +144,20 @@ def test_a_row_that_is_hit_by_a_wall_gets_its_velocity(device, wall_model):
     wall = by_id(simulation, "velocity", kinds=SOLID)[0]
     assert wall[1] > 0.1
     assert by_id(simulation, "velocity")[0] == pytest.approx(wall, abs=1e-3 * wall[1])
+
+
+def test_water_that_runs_over_the_rim_of_a_tank_in_space_has_not_gone_through_its_wall(device):
+    """What stands on the edge of a wall is beside the cell of the face below, by more than half a spacing."""
+    full = spume.Case(
+        spacing=0.05, dimension=3, time=spume.Time(end=0.5), preset="violent",
+        domain=spume.Domain(lower=[-0.5, -0.5, -0.4], upper=[1.9, 0.9, 1.5]),
+        fluid=[spume.Fluid(name="water", shape=spume.Box(lower=[0.0, 0.0, 0.0], upper=[0.45, 0.4, 0.4]))],
+        body=[
+            spume.Wall(name="tank", shape=spume.Tank(lower=[0.0, 0.0, 0.0], upper=[1.4, 0.4, 0.25], open=["top"]))
+        ],
+    )  # fmt: skip
+    simulation = full.build(device=device, threads=1)
+    while not simulation.done:
+        simulation.advance()
+    y = by_id(simulation, "position")[:, 1]
+    assert np.count_nonzero(np.abs(y - 0.2) > 0.2) > 5, "some of it is on the rim or beyond"

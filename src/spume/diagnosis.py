@@ -95,9 +95,9 @@ def height(a, b, r, w, l0):  # type: ignore[no-untyped-def]
     """Return how far a row lies in front of the surface that a solid row's own cell covers [m]; beside it: nothing."""
     size = b.to_surface.norm(1e-30)
     along = r.dot(b.to_surface) / size
-    beside = r.norm_sqr() - along * along
+    beside = r - along / size * b.to_surface
     # Above the rim of a wall there is no wall: what flies over a tank's edge has not gone through it.
-    return kernels.qd.select(beside < (r.n - 1) * (0.54 * l0) ** 2, -along - size, -1e30)
+    return kernels.qd.select(abs(beside).max() < 0.54 * l0, -along - size, -1e30)
 
 
 @row_term(reads=("wall_clearance",))
