@@ -217,3 +217,21 @@ def test_below_is_judged_along_gravity_however_it_points():
     down = np.array([0.6, 0.0, -0.8])
     floor = advice._Deepest(np.array([10.0 * down]), down, 0.1)
     assert floor.below(np.array([[0.0, 0.0, 0.0], 11.0 * down, [0.0, 1.0, 0.0]])).tolist() == [True, False, False]
+
+
+@pytest.mark.parametrize("beyond", [0.0, 0.1])
+def test_a_body_that_ends_with_the_period_is_told_of(caplog, beyond):
+    """Its end would be a wall across the boundary; one that goes on beyond it has none."""
+    l0 = 0.02
+    case = spume.Case(
+        spacing=l0, time=spume.Time(end=1.0),
+        domain=spume.Domain(periodic=["x"], lower=[0.0, -0.5], upper=[0.4, 0.5]),
+        fluid=[spume.Fluid(name="water", shape=spume.Box(lower=[0.0, 0.0], upper=[0.4, 0.1]))],
+        body=[spume.Wall(name="floor", shape=spume.Box(lower=[-beyond, -0.08], upper=[0.4 + beyond, 0.0]))],
+    )  # fmt: skip
+    with caplog.at_level("WARNING", logger="spume"):
+        case.build(threads=1)
+    told = [message for message in caplog.messages if "ends at the periodic boundary" in message]
+    assert len(told) == (2 if beyond == 0.0 else 0)
+    if told:
+        assert "body.0.shape: it ends at the periodic boundary x = 0 m" in told[0]

@@ -190,3 +190,21 @@ def test_a_run_that_fails_leaves_its_state_and_a_good_checkpoint(monkeypatch, tm
     assert checkpoint.read(tmp_path / "run").step == 0
     spume.resume(tmp_path / "run")  # the last good state goes on, and the frame of the failed one is gone
     assert_same(tmp_path / "whole", tmp_path / "run")
+
+
+def test_water_beside_a_tip_of_a_wall_has_not_gone_through_it():
+    """Where a wall is one row thick that row's surface may be on its other side."""
+    spike = spume.Polygon(vertices=[[0.1, -0.06], [0.2, -0.06], [0.2, 0.0], [0.15, 0.2], [0.1, 0.0]])
+    water = spume.Difference(of=spume.Box(lower=[0.0, 0.0], upper=[0.3, 0.2]), without=[spike])
+    case = spume.Case(
+        spacing=0.02, time=spume.Time(end=0.1),
+        fluid=[spume.Fluid(name="water", shape=water, initial="hydrostatic")],
+        body=[
+            spume.Wall(name="spike", shape=spike),
+            spume.Wall(name="tank", shape=spume.Tank(lower=[0.0, 0.0], upper=[0.3, 0.3], open=["top"])),
+        ],
+    )  # fmt: skip
+    simulation = case.build(threads=1)
+    while not simulation.done:
+        simulation.advance()
+    assert simulation.particles.largest_norm("velocity", FLUID) < 0.1

@@ -15,7 +15,7 @@ from spume.moving import speeds
 from spume.named import Location
 from spume.occupied import among, keys_of
 from spume.outputs import Snapshot
-from spume.particles import FLUID
+from spume.particles import FLUID, WALL
 from spume.prediction import fall_speed
 from spume.problems import point_text
 
@@ -40,7 +40,7 @@ def warn(case: Case, snapshot: Snapshot) -> None:
     caution = case.step.caution()
     if caution:
         log.warning("%s: %s", case.origin.name(("step",)) or "step", caution)
-    of_rows = (_falling, _blind, _leaking, _crossing, _hasty)
+    of_rows = (_falling, _blind, _leaking, _ending, _crossing, _hasty)
     found = (_densities(case), *(judge(case, snapshot) for judge in of_rows), _elsewhen(case))
     for loc, sentence in itertools.chain.from_iterable(found):
         log.warning("%s: %s", case.origin.name(loc), sentence)
@@ -188,6 +188,26 @@ def _leaking(case: Case, snapshot: Snapshot) -> Iterator[tuple[Location, str]]:
                 f"{point_text(point)} m: water is pressed out there; let one of them reach over the other by its "
                 f"thickness, {reach:g} m",
             )
+
+
+def _ending(case: Case, snapshot: Snapshot) -> Iterator[tuple[Location, str]]:
+    """Yield bodies that end where a period does: rows there look across the boundary, not into the fluid."""
+    position, to_surface = snapshot["position"], snapshot["to_surface"]
+    depth = np.linalg.norm(to_surface, axis=1)
+    for axis in snapshot.periods:
+        along = to_surface[:, axis]
+        looks = (snapshot["kind"] == WALL) & (np.abs(along) > 0.9 * depth) & (depth > 0.0)
+        for corner, sign in ((case.domain.lower, -1.0), (case.domain.upper, 1.0)):
+            if corner is None:
+                continue
+            ends = looks & (sign * along > 0.0)
+            ends &= np.abs(position[:, axis] + along - corner[axis]) < 0.25 * snapshot.spacing
+            for index in np.unique(snapshot["body"][ends]):
+                yield (
+                    ("body", int(index), "shape"),
+                    f"it ends at the periodic boundary {'xyz'[axis]} = {corner[axis]:g} m, where its rows are a wall "
+                    "across the boundary: let it reach five spacings beyond, or leave that face of a tank open",
+                )
 
 
 def _crossing(case: Case, snapshot: Snapshot) -> Iterator[tuple[Location, str]]:

@@ -58,6 +58,7 @@ CLEARANCE = Field("wall_clearance", (), "m", "fluid rows: height in front of the
 
 BEHIND_WALL = Field("behind_wall", (), "1", "1 where a fluid row has gone through a wall", scratch="watch")
 
+_AROUND = 0.87  # l0: no place between the rows of a wall is farther from one of them
 _NEAR = 1.5  # l0: reach of the search for walls; the lists hold at least 2 l0
 
 
@@ -96,8 +97,10 @@ def height(a, b, r, w, l0):  # type: ignore[no-untyped-def]
     size = b.to_surface.norm(1e-30)
     along = r.dot(b.to_surface) / size
     beside = r - along / size * b.to_surface
-    # Above the rim of a wall there is no wall: what flies over a tank's edge has not gone through it.
-    return kernels.qd.select(abs(beside).max() < 0.54 * l0, -along - size, -1e30)
+    # Above the rim of a wall there is no wall: what flies over a tank's edge has not gone through it. And of a tip that
+    # is one row thick the surface may be on its other side: what is in a wall has rows of it nearer than a spacing.
+    covered = abs(beside).max() < 0.54 * l0 and (along < 0.0 or r.norm() < _AROUND * l0)
+    return kernels.qd.select(covered, -along - size, -1e30)
 
 
 @row_term(reads=("wall_clearance",))

@@ -17,16 +17,10 @@ _CARRIED = (
 )
 
 SHIFT = Field("shift", ("d",), "m", "displacement by particle shifting")
-HELD_BY_WALL = Field("held_by_wall", (), "1", "number of near wall rows towards which the shift would go", int)
+HELD_BY_WALL = Field("held_by_wall", (), "1", "number of wall rows behind whose surface the shift would go on", int)
 
-_GAP = 0.25
-"""Height above a wall's surface below which no row is shifted towards it [l0].
-
-A sloping wall is a staircase of rows, up to a spacing below its surface. Shifting takes that for an empty place: rows
-sink into it, and creep on below the next stair.
-"""
-_REACH = 1.3
-"""Distance of a wall row from a row at that height above it: a spacing to the surface, and the gap [l0]."""
+_REACH = 1.1
+"""Distance of a wall row from a row on its surface, which is up to a spacing above it on a slope [l0]."""
 _HALF_WIDTH = 0.54
 """Half of the part of a surface that a wall row stands for [l0]."""
 
@@ -63,12 +57,12 @@ def pressure_along_shift(a, b, r, w, scale):  # type: ignore[no-untyped-def]
 
 
 @pair_term(reads=("shift", "to_surface"))
-def towards_near_wall(a, b, r, w, gap, width):  # type: ignore[no-untyped-def]
+def further_into_wall(a, b, r, w, width):  # type: ignore[no-untyped-def]
     normal = b.to_surface.normalized(1e-30)
     along = r.dot(normal)
-    near = along + b.to_surface.norm() + gap > 0.0
+    behind = along + b.to_surface.norm() > 0.0
     beside = r.norm_sqr() - along * along < (r.n - 1) * width * width
-    return kernels.qd.cast(near and beside and a.shift.dot(normal) < 0.0, kernels.i32)
+    return kernels.qd.cast(behind and beside and a.shift.dot(normal) < 0.0, kernels.i32)
 
 
 @row_term(reads=("shift", "held_by_wall"))
@@ -118,15 +112,17 @@ class Diffusive(Shifting):
     def shift(self, lattice: Lattice, particles: Particles, pairs: Pairs) -> None:
         """Add ``shift`` to ``position`` of fluid rows; with ``correct_fields`` take the fields to the new place.
 
-        A row nearer than l0/4 to the surface of a wall is not shifted at all where that would take it towards the wall.
+        A row that is behind the surface of a wall is not shifted further into it. A sloping wall is a staircase of
+        rows, up to a spacing below its surface. Shifting takes that for an empty place: rows would sink into it, and
+        creep on below the next stair.
 
         The gradients are corrected (exact for linear fields on any arrangement) and sum over the fluid alone, for
         across a wall velocity and pressure are no smooth fields.
         """
         l0 = lattice.spacing
         pair_sum(
-            towards_near_wall, particles, pairs, out="held_by_wall", weight=self.weight, re=_REACH * l0, over=SOLID,
-            arguments=(_GAP * l0, _HALF_WIDTH * l0),
+            further_into_wall, particles, pairs, out="held_by_wall", weight=self.weight, re=_REACH * l0, over=SOLID,
+            arguments=(_HALF_WIDTH * l0,),
         )  # fmt: skip
         row_map(unless_held, particles, out="shift", rows=FLUID)
         if self.correct_fields:
