@@ -99,7 +99,7 @@ def height(a, b, r, w, l0):  # type: ignore[no-untyped-def]
     beside = r - along / size * b.to_surface
     # Above the rim of a wall there is no wall: what flies over a tank's edge has not gone through it. And of a tip that
     # is one row thick the surface may be on its other side: what is in a wall has rows of it nearer than a spacing.
-    covered = abs(beside).max() < 0.54 * l0 and (along < 0.0 or r.norm() < _AROUND * l0)
+    covered = abs(beside).max() < 0.5 * l0 and (along < 0.0 or r.norm() < _AROUND * l0)
     return kernels.qd.select(covered, -along - size, -1e30)
 
 
