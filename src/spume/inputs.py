@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from spume.named import CASES, Parameters
+from spume.named import CASES, Location, Parameters, walk
 
 FOLDER = "inputs"
 """Folder of the copies, in the run folder."""
@@ -15,16 +15,16 @@ FOLDER = "inputs"
 P = TypeVar("P", bound=Parameters)
 
 
-def files_of(value: Any) -> Iterator[Path]:
-    """Yield every file that parameters name, itself or inside, in their order."""
-    if isinstance(value, Path):
-        yield value
-    elif isinstance(value, Parameters):
-        for name in type(value).model_fields:
-            yield from files_of(getattr(value, name))
-    elif isinstance(value, tuple):
-        for item in value:
-            yield from files_of(item)
+def files_of(case: Parameters) -> list[Path]:
+    """Return every file that parameters name, or what is inside them, in their order."""
+    found: list[Path] = []
+
+    def visit(parameters: Parameters, loc: Location) -> None:
+        values = (getattr(parameters, name) for name in parameters.table_keys())
+        found.extend(value for value in values if isinstance(value, Path))
+
+    walk(case, visit)
+    return found
 
 
 def kept(case: P, folder: Path) -> P:

@@ -87,9 +87,8 @@ def _on_faces(
     way = np.where(looks, np.minimum(square / np.where(looks, along, 1.0), snapshot.spacing), 0.5 * snapshot.spacing)
     acceleration = np.asarray(snapshot["wall_acceleration"], dtype=float)[rows] @ e
     p = np.asarray(snapshot["pressure"], dtype=float)[rows]
-    return p + np.asarray(snapshot["density"], dtype=float)[fluid] * acceleration * way, position[rows] + way[
-        :, None
-    ] * e
+    density = np.asarray(snapshot["density"], dtype=float)[fluid]
+    return p + density * acceleration * way, position[rows] + way[:, None] * e
 
 
 def _in_space(vector: NDArray[np.float64]) -> NDArray[np.float64]:

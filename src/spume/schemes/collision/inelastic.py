@@ -9,6 +9,7 @@ from spume.lattice import Lattice
 from spume.pairs import Pairs, PairSum, RowMap, pair_sums, pair_term, row_maps, row_term
 from spume.particles import FLUID, SOLID, Field, Particles
 from spume.schemes.collision.base import Collision
+from spume.schemes.wall_faces import behind_face, within_face
 from spume.schemes.weight.inverse import Inverse
 
 
@@ -26,11 +27,8 @@ def meets_rim(b, r, distance, l0):  # type: ignore[no-untyped-def]
 @kernels.func
 def at_face(b, r, distance, l0):  # type: ignore[no-untyped-def]
     """Return whether a row is behind the face of a wall, also between the rows that make the wall."""
-    normal = b.to_surface.normalized(1e-30)
-    # How far the row is behind the face on which b lies; b stands for its own cell of that face alone.
-    behind = r.dot(normal) + b.to_surface.norm() - (0.5 - distance) * l0
-    aside = r.norm_sqr() - r.dot(normal) ** 2
-    return behind > 0.0 and aside < (r.n - 1) * (0.54 * l0) ** 2 and not meets_rim(b, r, distance, l0)
+    behind = behind_face(b, r) - (0.5 - distance) * l0
+    return behind > 0.0 and within_face(b, r, l0) and not meets_rim(b, r, distance, l0)
 
 
 @kernels.func

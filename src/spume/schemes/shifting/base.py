@@ -10,6 +10,7 @@ from spume.pairs import Pairs, pair_sum, pair_term, row_map, row_term
 from spume.particles import FLUID, SOLID, Field, Particles
 from spume.schemes.correction import CORRECTION, correction_matrix
 from spume.schemes.operator import Operator
+from spume.schemes.wall_faces import behind_face, within_face
 
 _CARRIED = (
     Field("shifted_velocity", ("d",), "m/s", "velocity at the shifted position", scratch="shift"),
@@ -21,8 +22,6 @@ HELD_BY_WALL = Field("held_by_wall", (), "1", "number of wall rows behind whose 
 
 _REACH = 1.1
 """Distance of a wall row from a row on its surface, which is up to a spacing above it on a slope [l0]."""
-_HALF_WIDTH = 0.54
-"""Half of the part of a surface that a wall row stands for [l0]."""
 
 
 class Shifting(Operator, family="shifting"):
@@ -57,12 +56,9 @@ def pressure_along_shift(a, b, r, w, scale):  # type: ignore[no-untyped-def]
 
 
 @pair_term(reads=("shift", "to_surface"))
-def further_into_wall(a, b, r, w, width):  # type: ignore[no-untyped-def]
-    normal = b.to_surface.normalized(1e-30)
-    along = r.dot(normal)
-    behind = along + b.to_surface.norm() > 0.0
-    beside = r.norm_sqr() - along * along < (r.n - 1) * width * width
-    return kernels.qd.cast(behind and beside and a.shift.dot(normal) < 0.0, kernels.i32)
+def further_into_wall(a, b, r, w, l0):  # type: ignore[no-untyped-def]
+    further = behind_face(b, r) > 0.0 and within_face(b, r, l0) and a.shift.dot(b.to_surface) < 0.0
+    return kernels.qd.cast(further, kernels.i32)
 
 
 @row_term(reads=("shift", "held_by_wall"))
@@ -122,7 +118,7 @@ class Diffusive(Shifting):
         l0 = lattice.spacing
         pair_sum(
             further_into_wall, particles, pairs, out="held_by_wall", weight=self.weight, re=_REACH * l0, over=SOLID,
-            arguments=(_HALF_WIDTH * l0,),
+            arguments=(l0,),
         )  # fmt: skip
         row_map(unless_held, particles, out="shift", rows=FLUID)
         if self.correct_fields:
