@@ -90,8 +90,8 @@ def number_density(scheme, cloud, share=None):
     return rows.get("number_density")
 
 
-def gradient(scheme, cloud, phi=None, share=None, dt=0.0):
-    rows = Rows(scheme, cloud, share, scalar=cloud.phi if phi is None else phi)
+def gradient(scheme, cloud, phi=None, share=None, dt=0.0, **fields):
+    rows = Rows(scheme, cloud, share, scalar=cloud.phi if phi is None else phi, **fields)
     scheme(*rows.handles, phi="scalar", out="vector", dt=dt)
     return rows.get("vector")
 

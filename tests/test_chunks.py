@@ -13,7 +13,7 @@ from spume import chunks, kernels, lanes, load
 from spume.pairs import pair_sum, pair_term
 from spume.particles import FLUID, WALL
 from spume.pressure.bicgstab import StabilisedBiconjugateGradient
-from spume.pressure.components import COMPONENT, Components
+from spume.pressure.components import COMPONENT_FIELDS, Components
 from spume.pressure.conjugate_gradient import ConjugateGradient
 from spume.pressure.matrix import ABSENT, FLUX, KNOWN, SYSTEM_FIELDS, UNKNOWN, LinearSystem
 from spume.pressure.multigrid import Multigrid
@@ -105,7 +105,7 @@ def everything(most, limited, laplacian, solvers):
     limited(most)
     rng = np.random.default_rng(5)
     state = rng.choice([ABSENT, UNKNOWN, UNKNOWN, UNKNOWN, KNOWN, FLUX], 19**2)
-    fields = (*SYSTEM_FIELDS, SURFACE_SHARE, SOURCE, COMPONENT, *getattr(laplacian, "needs", ()))
+    fields = (*SYSTEM_FIELDS, SURFACE_SHARE, SOURCE, *COMPONENT_FIELDS, *getattr(laplacian, "needs", ()))
     solver_fields = dict.fromkeys(f for s in solvers for f in s.needs)
     lattice, particles, pairs = table(
         block(2, 19, disturbance=0.3), fields=(*fields, *solver_fields), kind=np.where(state == FLUX, WALL, FLUID)
@@ -122,7 +122,7 @@ def everything(most, limited, laplacian, solvers):
             particles.set("pressure", np.where(particles.numpy("row_state") == KNOWN, 1.0, 0.0))
             assert solver(tolerance=1e-9)(system, particles).iterations > 3
             found[solver.key, again] = particles.numpy("pressure")
-    for name in ("vector", "row_length", "diagonal", "rhs", "grounded", "component"):
+    for name in ("vector", "row_length", "diagonal", "rhs", "grounded", "component", "ties"):
         found[name] = particles.numpy(name)
     mine = pairs.list
     found["neighbours"] = walked(mine, mine.start, mine.length, [c.neighbour for c in mine.chunks])

@@ -91,7 +91,7 @@ def given(name, entry, d):
     if family == "weight":
         return checksum(scheme.values(0.11 + 0.09 * scattered(9, 2), 0.21))
     cloud = cloud_of(name, d)
-    more = {"dt": DT} if family == "gradient" else {}
+    more = {"dt": DT, "acceleration": cloud.force} if family == "gradient" else {}
     ask = getattr(asked, entry["ask"]) if "ask" in entry else asked.ASK[family]
     return checksum(ask(scheme, cloud, share=cloud.share, **more), compared(family, cloud))
 

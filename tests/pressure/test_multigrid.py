@@ -9,7 +9,7 @@ from conftest import initialized
 from spume import kernels, team
 from spume.pressure import aggregation, cycle, multigrid, team_iteration
 from spume.pressure.base import NotConverged
-from spume.pressure.components import COMPONENT, Components
+from spume.pressure.components import COMPONENT_FIELDS, Components
 from spume.pressure.conjugate_gradient import ConjugateGradient
 from spume.pressure.matrix import ABSENT, KNOWN, SYSTEM_FIELDS, UNKNOWN, LinearSystem
 from spume.pressure.multigrid import Multigrid
@@ -20,7 +20,7 @@ from spume.schemes.laplacian.original import Original
 from spume.schemes.laplacian.second_order import SecondOrder
 from spume.schemes.source.base import SOURCE
 
-FIELDS = (*SYSTEM_FIELDS, SURFACE_SHARE, SOURCE, COMPONENT, *ConjugateGradient.needs, *Multigrid.needs)
+FIELDS = (*SYSTEM_FIELDS, SURFACE_SHARE, SOURCE, *COMPONENT_FIELDS, *ConjugateGradient.needs, *Multigrid.needs)
 
 
 def assembled(position, tied=None, seed=0, periodic=False, single=True, region=None, **rows):

@@ -9,7 +9,7 @@ from spume import named
 from spume.particles import FLUID, WALL
 from spume.pressure.base import NotConverged
 from spume.pressure.bicgstab import StabilisedBiconjugateGradient
-from spume.pressure.components import COMPONENT, Components
+from spume.pressure.components import COMPONENT_FIELDS, Components
 from spume.pressure.conjugate_gradient import ConjugateGradient
 from spume.pressure.matrix import ABSENT, FLUX, KNOWN, SYSTEM_FIELDS, UNKNOWN, LinearSystem
 from spume.schemes import discover
@@ -26,7 +26,7 @@ LAPLACIANS["corrected-vector"] = CorrectedVector(base="distance", correction="la
 LAPLACIANS = {key: model for key, model in LAPLACIANS.items() if model.symmetric}
 SOLVERS = {"cg": ConjugateGradient, "bicgstab": StabilisedBiconjugateGradient}
 FIELDS = (
-    *SYSTEM_FIELDS, SURFACE_SHARE, SOURCE, CORRECTION, CORRECTED_VECTOR, COMPONENT,
+    *SYSTEM_FIELDS, SURFACE_SHARE, SOURCE, CORRECTION, CORRECTED_VECTOR, *COMPONENT_FIELDS,
     *ConjugateGradient.needs, *StabilisedBiconjugateGradient.needs
 )  # fmt: skip
 solvers = pytest.mark.parametrize("solver", SOLVERS)
@@ -255,3 +255,36 @@ def test_the_same_bits_with_any_number_of_threads(device, solver):
         SOLVERS[solver](tolerance=1e-8)(system, particles)
         found.append(particles.numpy("pressure"))
     assert np.array_equal(*found)
+
+
+def test_what_ties_a_pocket_hardly_is_taken_off(runtime):
+    """Two blocks in which one row is drawn to a known pressure, of one by little: that one floats, as if by nothing."""
+    first, second = block(2, 6, disturbance=0.2), block(2, 5, disturbance=0.2)
+    position = np.vstack([first, np.add(second, [3.0, 0.0])])
+    part = np.repeat([0, 1], [36, 25])
+    lattice, particles, pairs = table(position, fields=FIELDS, row_state=np.full(61, UNKNOWN), body=part)
+    part = particles.numpy("body")
+    particles.set("source", np.random.default_rng(3).normal(size=61))
+    drawn = np.array([np.flatnonzero(part == number)[7] for number in (0, 1)])
+
+    def assembled(first, second):
+        draw = np.zeros(61)
+        draw[drawn] = first, second
+        particles.set("surface_diagonal", draw)
+        particles.set("surface_value", np.full(61, 50.0))
+        system = LinearSystem()
+        system.assemble(LAPLACIANS["original"], lattice, particles, pairs)
+        return system
+
+    assembled(0.0, 0.0)
+    whole = particles.numpy("diagonal")[drawn]
+    for share, floating in ((0.1, [1]), (0.3, [])):
+        system = assembled(whole[0], share * whole[1])
+        assert particles.numpy("grounded")[drawn] == pytest.approx([50, 100 * share / (1 + share)], abs=1)
+        found = Components().project(system, particles)
+        assert [np.unique(part[rows]).tolist() for rows in rows_of(found, particles)] == [[n] for n in floating]
+        taken = particles.numpy("diagonal")[drawn] / whole
+        assert taken == pytest.approx([2.0, 1.0 + (0.0 if floating else share)])
+        assert (abs(particles.numpy("rhs")[part == 1].sum()) < 1e-9) == bool(floating)
+    system = assembled(whole[0], 0.1 * whole[1])
+    assert Components().project(system, particles, 1) == [], "the compressibility of every row is little, and counts"

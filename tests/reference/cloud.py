@@ -26,6 +26,7 @@ class Cloud:
         x, u: positions [m] and velocities [m/s], shape (n, d).
         phi: a field to differentiate, with values of both signs; no two neighbours are alike.
         rho, nu: density and kinematic viscosity of the rows.
+        force: acceleration of the rows by all but the pressure [m/s^2].
         slope: some gradient of phi of the step before.
         before, u_before: positions of the two instants before, velocities of the later one.
         share: share of the rows in the free surface, 0 … 1, where a test sets one.
@@ -48,6 +49,7 @@ class Cloud:
         self.before = [self.x + 0.05 * l0 * scattered(corners.shape, seed) for seed in (13, 17)]
         self.u_before = scattered(corners.shape, 19)
         self.share = 0.5 * (1.0 + scattered(len(corners), 11))
+        self.force = 10.0 * scattered(corners.shape, 29)
         self.nu = 0.1 * (1.5 + scattered(len(corners), 7))
         self.n0, self.lambda_ = self.lattice_sums()
 

@@ -141,19 +141,24 @@ def floored(moment, floor):
     return moment + max(floor - np.linalg.eigvalsh(moment)[0], 0.0) * np.eye(len(moment))
 
 
-def imaged(cloud, floor=0.3):
-    """C_i [d/n0 sum_j (phi_j - phi_i) W r/r^2 + 2 theta phi_i b], C_i = [M_i + 2 theta delta b (x) b/|b|]^-1.
+def imaged(cloud, floor=0.6):
+    """C_i [d/n0 sum_j (phi_j - phi_i) W r/r^2 + 2 theta phi_i b + f rho_i a_i].
 
-    b and delta are those of the images; the least eigenvalue of what is inverted is raised to the floor.
+    C_i = [M_i + f I + 2 theta delta b (x) b/|b|]^-1. b and delta are those of the images, f I what raises the least
+    eigenvalue of the rest to the floor, and a_i the acceleration by all but the pressure, less where phi_i is less than
+    rho_i |a_i| l0/4.
     """
     g, (b, delta) = cloud.vectors(), images(cloud)
     for i in range(len(cloud)):
         total, share = np.zeros(cloud.d), cloud.share[i]
         for j, r, distance, w in cloud.neighbours(i):
             total += cloud.d / cloud.n0 * w * (cloud.phi[j] - cloud.phi[i]) * r / distance**2
-        beyond = 2 * share * delta[i] * np.outer(b[i], b[i]) / np.linalg.norm(b[i])
-        moment = np.linalg.inv(matrix(cloud, i)) + beyond
-        g[i] = np.linalg.solve(floored(moment, floor), total + 2 * share * cloud.phi[i] * b[i])
+        weight = cloud.rho[i] * cloud.force[i]
+        carried = min(max(cloud.phi[i] / (0.25 * cloud.l0 * np.linalg.norm(weight)), 0.0), 1.0)
+        moment = np.linalg.inv(matrix(cloud, i)) + 2 * share * delta[i] * np.outer(b[i], b[i]) / np.linalg.norm(b[i])
+        raised = floored(moment, floor)
+        at_rest = carried * (raised - moment) @ weight
+        g[i] = np.linalg.solve(raised, total + 2 * share * cloud.phi[i] * b[i] + at_rest)
     return g
 
 

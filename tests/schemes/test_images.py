@@ -78,7 +78,7 @@ def test_gradient_of_a_pressure_that_vanishes_on_the_surface(d, along, across):
     particles.set("scalar", weight_of(depth, distance_of_surface(particles, top)))
     exact = np.zeros((int(top.sum()), d))
     exact[:, -1] = -9810.0
-    ImagedGradient()(lattice, particles, pairs, phi="scalar", out="vector")
+    ImagedGradient(floor=0.5)(lattice, particles, pairs, phi="scalar", out="vector")  # the stretched layer has 0.59
     assert particles.numpy("vector")[top] == pytest.approx(exact, abs=1e-6)
     if along > 1.0:
         Completed()(lattice, particles, pairs, phi="scalar", out="vector")
@@ -144,6 +144,25 @@ def test_surface_at_a_wall_that_goes_on_above_the_water():
     assert abs(b[0]) < 0.02 * abs(b[1])
     assert b[1] == pytest.approx(s[1], rel=0.01)
     assert particles.numpy("surface_distance")[at_wall] == pytest.approx(0.5 * L0, rel=0.02)
+
+
+@pytest.mark.parametrize("aside", [0.2, 0.4])
+def test_the_end_of_a_sheet_along_a_wall_has_images(aside):
+    """Its neighbours on the surface lie along the wall, and look at it: beyond the end there is nothing."""
+    sheet = [(-(i + 0.5) * L0, (j + 0.5) * L0, FLUID) for i in range(2) for j in range(7)]
+    end = (-(0.5 + aside) * L0, 0.5 * L0)
+    sheet[0] = (*end, FLUID)
+    wall = [((i + 0.5) * L0, (j - 5.5) * L0, WALL) for i in range(3) for j in range(18)]
+    rows = np.array(sheet + wall)
+    normals = np.where(rows[:, 2:] == WALL, -rows[:, :1] * [[1.0, 0.0]], 0.0)
+    lattice, particles, pairs = table(
+        rows[:, :2], spacing=L0, fields=FIELDS, skin=0.0, kind=rows[:, 2].astype(int), to_surface=normals
+    )
+    x, fluid = particles.numpy("position"), particles.numpy("kind") == FLUID
+    particles.set("surface_share", fluid.astype(float))
+    surface_images(ImagedSurface(), lattice, particles, pairs)
+    (row,) = np.flatnonzero(np.abs(x - end).max(axis=1) < 1e-6)
+    assert particles.numpy("images")[row] * L0 == pytest.approx([0.0, 0.44], abs=0.01)
 
 
 @dimensions
@@ -279,3 +298,34 @@ def test_share_that_a_flat_surface_misses(d, weight):
     w = np.where(near, weight.values(np.where(near, r, 1.0), 2.1), 0.0)
     expected = w[cells[:, -1] > 0].sum() / w.sum()
     assert Lattice(d, L0).missing(weight, 2.1) == pytest.approx(expected, rel=1e-12)
+
+
+@dimensions
+def test_water_at_rest_needs_no_neighbours(d):
+    """What the floor adds is water at rest: a hydrostatic pressure is exact whatever the floor, at the surface too."""
+    (lattice, particles, pairs), depth, top = layer(d, 1.2, 0.8)
+    particles.set("surface_share", top.astype(float))
+    surface_images(ImagedGradient(), lattice, particles, pairs)
+    particles.set("scalar", weight_of(depth, distance_of_surface(particles, top)))
+    down = np.zeros((particles.count, d))
+    down[:, -1] = -9.81
+    particles.set("density", np.full(particles.count, 1000.0))
+    above = depth < 4.5 * 0.8 * L0  # the layer's lower side is open too
+    for acceleration, exact in ((down, True), (0.0 * down, False)):
+        particles.set("acceleration", acceleration)
+        ImagedGradient(floor=1.0)(lattice, particles, pairs, phi="scalar", out="vector")
+        off = np.abs(particles.numpy("vector") - 1000.0 * down)[above].max()
+        assert (off < 1e-6) == exact, off
+
+
+@pytest.mark.parametrize(("pressure", "share"), [(0.0, 0.0), (0.125, 0.5), (0.25, 1.0), (5.0, 1.0)])
+def test_what_has_no_pressure_is_not_held_up(pressure, share):
+    """A row with one neighbour, at the same pressure: the floor carries as much of it as its pressure says."""
+    x = np.array([[0.0, 0.0], [0.9 * L0, 0.0]])
+    lattice, particles, pairs = table(x, spacing=L0, fields=FIELDS, skin=0.0)
+    weight = 1000.0 * np.array([[0.0, -9.81]] * 2)
+    particles.set("acceleration", weight / 1000.0)
+    particles.set("density", np.full(2, 1000.0))
+    particles.set("scalar", np.full(2, pressure * 9810.0 * L0))
+    ImagedGradient()(lattice, particles, pairs, phi="scalar", out="vector")
+    assert particles.numpy("vector") == pytest.approx(share * weight, rel=1e-9, abs=1e-9)

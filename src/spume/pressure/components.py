@@ -1,7 +1,9 @@
 """Connected components of the matrix without a known pressure: closed tanks, periodic boxes, pockets.
 
 There the pressure is determined up to a constant, and a solution exists only if the right side sums to
-zero: both are projected, component by component.
+zero: both are projected, component by component. In a tank that is full some row has a low n by chance and is drawn a
+little to the pressure of a surface. All of the pressure would hang on it, so ties that are together less than
+`LEAST_TIE` are none.
 """
 
 from typing import Any
@@ -13,6 +15,14 @@ from spume.pressure.matrix import UNKNOWN, LinearSystem
 from spume.reductions import reduction, reduction_arrays
 
 COMPONENT = Field("component", (), "1", "smallest row number of the row's connected component", int)
+TIES = Field(
+    "ties", (), "1", "sum of what grounds the rows of a component, at its smallest row", int, scratch="components"
+)
+COMPONENT_FIELDS = (COMPONENT, TIES)
+
+LEAST_TIE = 20
+"""Sum of ``grounded`` from which on a component is tied to a known pressure: a fifth of the diagonal of one row, which
+is half of what draws a row of a flat surface."""
 
 
 _WORTH_SHARING = 5
@@ -31,8 +41,11 @@ class Components:
         self._roots = kernels.array(kernels.i32, 1 + _FEW)
         self._sums: Any = None
 
-    def project(self, system: LinearSystem, particles: Particles) -> list[int]:
-        """Make the right side of each floating component sum to zero; return the components' smallest row numbers."""
+    def project(self, system: LinearSystem, particles: Particles, least: int = LEAST_TIE) -> list[int]:
+        """Make the right side of each floating component sum to zero; return the components' smallest row numbers.
+
+        What ties a floating component, less than ``least`` in all, is taken off its matrix.
+        """
         light = kernels.light(particles.active)
         few = kernels.runtime().device == "cpu" and kernels.runtime().threads < _WORTH_SHARING
         kernel, matrix = _label_kernel(system.entries, light or few), system.matrix(particles)
@@ -40,15 +53,21 @@ class Components:
         _start_kernel(light)(state, label, particles.active)
         while True:
             self._changed.fill(0)
-            kernel(matrix, state, label, particles[system.grounded], self._changed, particles.active)
+            kernel(matrix, state, label, particles["ties"], self._changed, particles.active)
             self._floating.fill(0)
-            _ground_kernel(light)(state, label, particles[system.grounded], self._floating, particles.active)
+            _ground_kernel(light)(
+                state, label, particles[system.grounded], particles["ties"], self._floating, least, particles.active
+            )
             # Rows of one label are connected, whether or not all of their component have it already.
             if kernels.host(self._floating)[0] == 0:
                 return []
             if kernels.host(self._changed)[0] == 0:
                 break
-        roots = self._floating_roots(system, particles, light)
+        roots = self._floating_roots(system, particles, light, least)
+        _release_kernel(light)(
+            state, label, particles["ties"], particles["surface_diagonal"], particles["surface_value"],
+            particles[system.diagonal], particles[system.rhs], least, particles.active,
+        )  # fmt: skip
         self._subtract_means(roots, system.rhs, system.state, particles)
         return roots
 
@@ -56,12 +75,12 @@ class Components:
         """Give the pressure of each floating component, named by its smallest row number, the mean zero."""
         self._subtract_means(roots, "pressure", state, particles)
 
-    def _floating_roots(self, system: LinearSystem, particles: Particles, light: bool) -> list[int]:
+    def _floating_roots(self, system: LinearSystem, particles: Particles, light: bool, least: int) -> list[int]:
         while True:
             self._roots.fill(0)
             _roots_kernel(light)(
-                particles[system.state], particles["component"], particles[system.grounded], self._roots,
-                self._roots.shape[0] - 1, particles.active,
+                particles[system.state], particles["component"], particles["ties"], self._roots,
+                self._roots.shape[0] - 1, least, particles.active,
             )  # fmt: skip
             found = kernels.host(self._roots)
             number = int(found[0])
@@ -109,7 +128,7 @@ def _label_kernel(entries: Entries, serial: bool) -> Any:
     qd = kernels.qd
 
     @kernels.kernel
-    def label_round(matrix: Matrix, state: Rows, label: Rows, grounded: Rows, changed: Rows, count: kernels.i32):
+    def label_round(matrix: Matrix, state: Rows, label: Rows, ties: Rows, changed: Rows, count: kernels.i32):
         qd.loop_config(serialize=serial)
         for i in range(count):
             if state[i] == UNKNOWN:
@@ -128,6 +147,7 @@ def _label_kernel(entries: Entries, serial: bool) -> Any:
             while label[root] != root:
                 root = label[root]
             label[i] = root
+            ties[i] = 0
 
     return label_round
 
@@ -138,14 +158,17 @@ def _ground_kernel(serial: bool) -> Any:
     qd = kernels.qd
 
     @kernels.kernel
-    def ground(state: Rows, label: Rows, grounded: Rows, floating: Rows, count: kernels.i32):
+    def ground(
+        state: Rows, label: Rows, grounded: Rows, ties: Rows, floating: Rows, least: kernels.i32, count: kernels.i32
+    ):
         qd.loop_config(serialize=serial)
         for i in range(count):
-            if state[i] == UNKNOWN and grounded[i] == 1:
-                qd.atomic_max(grounded[label[i]], 1)
+            # Whether a sum of integers reaches the least depends on no order, and from there on nobody adds.
+            if state[i] == UNKNOWN and grounded[i] > 0 and ties[label[i]] < least:
+                qd.atomic_add(ties[label[i]], grounded[i])
         qd.loop_config(serialize=serial)
         for i in range(count):
-            if state[i] == UNKNOWN and label[i] == i and grounded[i] == 0:
+            if state[i] == UNKNOWN and label[i] == i and ties[i] < least:
                 qd.atomic_max(floating[0], 1)
 
     return ground
@@ -157,16 +180,38 @@ def _roots_kernel(serial: bool) -> Any:
     qd = kernels.qd
 
     @kernels.kernel
-    def roots(state: Rows, label: Rows, grounded: Rows, found: Rows, room: kernels.i32, count: kernels.i32):
+    def roots(
+        state: Rows, label: Rows, ties: Rows, found: Rows, room: kernels.i32, least: kernels.i32, count: kernels.i32
+    ):
         """List the roots of floating components behind their number, in any order."""
         qd.loop_config(serialize=serial)
         for i in range(count):
-            if state[i] == UNKNOWN and label[i] == i and grounded[i] == 0:
+            if state[i] == UNKNOWN and label[i] == i and ties[i] < least:
                 place = qd.atomic_add(found[0], 1)
                 if place < room:
                     found[1 + place] = i
 
     return roots
+
+
+@kernels.cached
+def _release_kernel(serial: bool) -> Any:
+    """Return the kernel that takes what draws the rows of floating components off their equations."""
+    Reals, Rows = kernels.array_type(kernels.runtime().real), kernels.array_type(kernels.i32)
+    qd = kernels.qd
+
+    @kernels.kernel
+    def release(
+        state: Rows, label: Rows, ties: Rows, draw: Reals, drawn_to: Reals, diagonal: Reals, rhs: Reals,
+        least: kernels.i32, count: kernels.i32,
+    ):  # fmt: skip
+        qd.loop_config(serialize=serial)
+        for i in range(count):
+            if state[i] == UNKNOWN and ties[label[i]] < least and diagonal[i] > draw[i]:
+                diagonal[i] = diagonal[i] - draw[i]
+                rhs[i] = rhs[i] - draw[i] * drawn_to[i]
+
+    return release
 
 
 @kernels.cached

@@ -30,6 +30,9 @@ from spume.schemes.laplacian.base import Laplacian, Terms
 
 ABSENT, UNKNOWN, KNOWN, FLUX = 0, 1, 2, 3
 
+WHOLLY_TIED = 100
+"""What ``grounded`` counts for a row beside a known pressure, and for one that its whole diagonal ties."""
+
 WALL_ACCELERATION = Field(
     "wall_acceleration", ("d",), "m/s^2", "solid rows: g - a_wall; times rho the imposed pressure gradient"
 )
@@ -42,7 +45,7 @@ SYSTEM_FIELDS = (
     WALL_ACCELERATION,
     Field("surface_diagonal", (), "m/kg", "addition to the diagonal by the free surface"),
     Field("surface_value", (), "Pa", "pressure to which the free surface draws a row"),
-    Field("grounded", (), "1", "1 where a row is tied to a known pressure", int),
+    Field("grounded", (), "1", "how much of a row's diagonal ties it to a known pressure, in hundredths", int),
 )
 
 
@@ -389,7 +392,7 @@ def _assembly_kernel(
     known_values = [
         f"    if state[j] == {KNOWN}:",
         "        summed += c * known(b)",
-        "        tied = 1",
+        f"        tied = {WHOLLY_TIED}",
         "    else:",
         "        summed += c * flux(a, b, r)",
         *(["        total += c * flux_share(a, b, r)"] if equation.flux_share else []),
@@ -470,10 +473,12 @@ def _assembly_kernel(
             else []
         ),
         *(["                lean = Vector(0.0)"] if leaning else []),
-        "                if total > 0:",
-        "                    tied = 1",
+        "                own = total",
         *[f"                {line}" for line in walk],
         *(["                summed += leaning(a, lean)"] if leaning else []),
+        "                if own > 0:",
+        f"                    share = qd.select(total > own, {WHOLLY_TIED} * own / total, {WHOLLY_TIED})",
+        "                    tied = qd.max(tied, qd.cast(share, qd.i32), 1)",
         # A row that is tied to nothing has the value zero: its equation would be 0 x = right.
         "                if total == 0.0:",
         "                    total = qd.cast(1, real)",

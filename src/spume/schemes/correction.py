@@ -113,19 +113,25 @@ def _inverse_or_identity(a, moment, scale, largest_condition):  # type: ignore[n
 
 
 @kernels.func
+def missing_to(matrix, floor):  # type: ignore[no-untyped-def]
+    """Return how much of I raises the eigenvalues of a symmetric matrix to ``floor`` at least."""
+    # Gershgorin's circles bound the eigenvalues at a tenth of the cost; only few rows come near the floor.
+    bound = matrix[0, 0]
+    for k in kernels.static(range(matrix.n)):
+        beside = -abs(matrix[k, k])
+        for m in kernels.static(range(matrix.n)):
+            beside += abs(matrix[k, m])
+        bound = min(bound, matrix[k, k] - beside)
+    missing = 0.0 * bound
+    if bound < floor:
+        missing = max(floor - smallest_eigenvalue(matrix), 0.0)
+    return missing
+
+
+@kernels.func
 def floored_inverse(matrix, floor):  # type: ignore[no-untyped-def]
     """Return the inverse of a symmetric matrix, with as much of I added as keeps its eigenvalues above ``floor``."""
-    scaled = matrix
-    # Gershgorin's circles bound the eigenvalues at a tenth of the cost; only few rows come near the floor.
-    bound = scaled[0, 0]
-    for k in kernels.static(range(scaled.n)):
-        beside = -abs(scaled[k, k])
-        for m in kernels.static(range(scaled.n)):
-            beside += abs(scaled[k, m])
-        bound = min(bound, scaled[k, k] - beside)
-    if bound < floor:
-        scaled += max(floor - smallest_eigenvalue(scaled), 0.0) * identity_like(scaled)
-    return scaled.inverse()
+    return (matrix + missing_to(matrix, floor) * identity_like(matrix)).inverse()
 
 
 def _towards_identity(a, moment, scale, floor):  # type: ignore[no-untyped-def]

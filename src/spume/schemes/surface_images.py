@@ -78,10 +78,14 @@ def image_vector(a, half, nearest):  # type: ignore[no-untyped-def]
     own, away = a.crowding.normalized(1e-30), a.wall_side.normalized(1e-30)
     # Where the fluid lies on the wall's open side the surface meets the wall, at first sight squarely.
     meets = min(max(a.fluid_crowding.dot(away) / half, 0.0), 1.0)
-    along = (a.crowding - meets * a.crowding.dot(away) * away).normalized(1e-30)
+    of_wall = a.crowding - meets * a.crowding.dot(away) * away
+    along = of_wall.normalized(1e-30)
     around = ((0.001 * nearest * own + a.inward_around) / (0.001 * nearest + a.share_around)).normalized(1e-30)
     aslant = beside_wall(a) * min(max((abs(around.dot(away)) - 0.2) / 0.3, 0.0), 1.0)
     inward = ((1.0 - aslant) * along + aslant * around).normalized(1e-30)
+    # In a splash the neighbours may say the opposite of what the row's own side is. Then its own counts.
+    trust = min(max(2.0 * a.crowding.dot(inward) / max(of_wall.norm(), 1e-30), 0.0), 1.0)
+    inward = (trust * inward + (1.0 - trust) * along).normalized(1e-30)
     return max(a.crowding.dot(inward), 0.0) * inward
 
 
@@ -174,7 +178,9 @@ def surface_images(operator: Operator, lattice: Lattice, particles: Particles, p
     s_i but beside walls: a wall goes on above the water, and its rows up there pull s_i towards it. Where the fluid
     lies on a wall's open side, n_i is the direction of s_i along the wall; where the neighbours on the surface that
     have no wall beside them incline to the wall by more than 0.2 (their mean direction times the wall's normal), it
-    is theirs, entirely so from 0.5 on.
+    is theirs, entirely so from 0.5 on. At the end of a sheet that runs along a wall they may say the opposite of what
+    the row's own side is: where s_i . n_i is less than half of the length of s_i along the wall, that direction counts
+    again.
 
     delta_i is l0/2 times the stretch of the arrangement along n_i, which (n . M n)/(n . f) tells, f being the sum s
     and M = d/n0 sum_j W r (x) r/r^2 over the fluid; the mean over a row and its neighbours on the surface, between

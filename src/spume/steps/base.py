@@ -13,7 +13,7 @@ from spume.named import Scheme
 from spume.pairs import PairSum, pair_sums, row_map, row_term
 from spume.particles import ANY, FLUID, WALL, Field, Particles
 from spume.pressure.base import Solver
-from spume.pressure.components import COMPONENT
+from spume.pressure.components import COMPONENT_FIELDS, LEAST_TIE
 from spume.pressure.matrix import BETWEEN_FLUIDS, SYSTEM_FIELDS, UNKNOWN
 from spume.pressure.multigrid import Multigrid
 from spume.schemes.collision.base import Collision
@@ -215,7 +215,7 @@ class Projection(Step):
 
     instants: ClassVar[tuple[str, ...]] = ("k", "*")
     """Instants at which the step can evaluate a source."""
-    fields: ClassVar[tuple[Field, ...]] = (*Step.fields, COMPONENT)
+    fields: ClassVar[tuple[Field, ...]] = (*Step.fields, *COMPONENT_FIELDS)
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -331,7 +331,8 @@ def solve_pressure(step: Projection, domain: Domain, surface_pressure: float, dt
         if step.source.compressibility > 0.0:
             _compress(step.source, particles, dt2)
         system.assemble(step.laplacian, domain.lattice, particles, domain.pairs, over=step.wall_model.carriers)
-        floating = domain.components.project(system, particles)
+        least = 1 if step.source.compressibility > 0.0 else LEAST_TIE
+        floating = domain.components.project(system, particles, least)
     with domain.stages("solve"):
         system.negligible = step.solver.volume_error / dt2
         solution = step.solver(system, particles)

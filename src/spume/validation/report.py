@@ -63,7 +63,7 @@ def figure(study: Study, measured: Mapping[Run, Measured], path: Path) -> None:
 def _legend(axis: Any, *, room: bool) -> None:
     """Add the legend in two columns, where there is ``room`` above the curves, for which the axis is made longer."""
     if not room:
-        axis.legend(framealpha=0.85, edgecolor="none", fontsize="small")
+        axis.legend(framealpha=1.0, edgecolor="none", fontsize="small")
         return
     part = _LINE_OF_LEGEND * math.ceil(len(axis.get_legend_handles_labels()[1]) / 2)
     scale = axis.yaxis.get_transform()

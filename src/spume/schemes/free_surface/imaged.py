@@ -3,7 +3,7 @@
 from typing import Any, ClassVar
 
 from spume.lattice import Lattice
-from spume.pairs import Pairs, PairSum, RowMap, row_map, row_maps, row_term
+from spume.pairs import Pairs, PairSum, RowMap, row_maps, row_term
 from spume.particles import FLUID, WALL, Particles
 from spume.schemes.crowding import crowding_sum, flat_surface_gradient
 from spume.schemes.free_surface.base import nothing
@@ -27,10 +27,6 @@ def held_alone(a, scale):  # type: ignore[no-untyped-def]
     share = 1.0 - a.solid_density / max(a.number_density, 1e-30)
     alone = min(max(1.0 - share / LEAST_FLUID, 0.0), 1.0)
     return a.surface_diagonal + scale / a.density * alone / (1.02 - alone)
-
-
-_LEAST_SURFACE = 0.2
-"""Sum of what draws rows to the surface below which there is none, in diagonals of a row: half a row of a flat one."""
 
 
 class Imaged(Blended, name="imaged"):
@@ -70,10 +66,6 @@ class Imaged(Blended, name="imaged"):
             RowMap(held_alone, "surface_diagonal", arguments=(2.0 * d / laplacian.lambda_(lattice),)),
         )
         row_maps(maps, particles)
-        # In a closed tank that is full some row has a low n by chance. All of the pressure would hang on it.
-        row = 2.0 * d / (lattice.spacing**2 * max(particles.largest("density", FLUID), 1e-30))
-        if particles.total("surface_diagonal", FLUID) < _LEAST_SURFACE * row:
-            row_map(nothing, particles, out="surface_diagonal", rows=FLUID | WALL)
 
     def __call__(self, lattice: Lattice, particles: Particles, pairs: Pairs, number_density: Any) -> None:
         """Write ``free_surface`` (1 or 0), ``surface_share`` (1 … 0), and what the images need."""
