@@ -133,6 +133,13 @@ def test_folders_and_byte_order_marks(file):
     ("old", "new", "message"),
     [
         (
+            "spacing = 0.02\n\n[time]",
+            "[time]\nspacing = 0.02",
+            "tank.toml:3: time.spacing = 0.02: no such key here; it stands at the top of the file, before",
+        ),
+        ("[[gauge]]", "[[output.gauge]]", "no such key here; these are tables of their own: [[gauge]]"),
+        ("[time]", "[domain.output]\ninterval = 1.0\n[time]", "here; it is a table of its own: [output]"),
+        (
             'spacing = 0.02',
             'spacin = 0.02',
             'tank.toml:2: spacin = 0.02: no such key; allowed: title, spacing',

@@ -466,7 +466,7 @@ def read(document: Mapping[str, Any], origin: Origin, *, folder: Path | None = N
     try:
         case = Case.model_validate(document, context={"folder": folder})
     except ValidationError as error:
-        raise CaseError(origin.problems(error)) from None
+        raise CaseError(origin.problems(error, Case.table_keys())) from None
     case._origin = origin
     return case
 

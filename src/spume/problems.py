@@ -113,15 +113,26 @@ class Origin:
             parts.append(label if isinstance(label, str) and label.isprintable() and label else str(part))
         return ".".join(part if part.isprintable() and part else literal(part) for part in parts)
 
-    def problems(self, error: ValidationError) -> list[Problem]:
-        """Return the mistakes that validation found, in the order of the file."""
+    def problems(self, error: ValidationError, top: Iterable[str] = ()) -> list[Problem]:
+        """Return the mistakes that validation found, in the order of the file.
+
+        Args:
+            top: keys of the outermost table; one that stands inside another table is told its place.
+        """
         found = []
-        for item in error.errors(include_url=False):
+        items = error.errors(include_url=False)
+        misplaced = {item["loc"][-1] for item in items if item["type"] == "unknown_key" and len(item["loc"]) > 1}
+        for item in items:
             loc = tuple(item["loc"])
+            if item["type"] == "missing" and len(loc) == 1 and loc[0] in misplaced.intersection(top):
+                continue
             value = None if item["type"] == "missing" else item["input"]
             if item["type"] == "value_error":  # of a table as a whole
                 value = _ABSENT
-            found.append((self._order(loc), self.problem(loc, _message(item), value)))
+            message = _message(item)
+            if item["type"] == "unknown_key" and len(loc) > 1 and loc[-1] in top:
+                message = f"no such key here; {_place(loc[-1], item['input'])}"
+            found.append((self._order(loc), self.problem(loc, message, value)))
         return [problem for _, problem in sorted(found, key=lambda pair: pair[0])]
 
     def _order(self, loc: Location) -> int:
@@ -129,6 +140,15 @@ class Origin:
             if loc[:length] in self.lines:
                 return self.lines[loc[:length]]
         return 0
+
+
+def _place(key: str, value: Any) -> str:
+    """Return where a key of the outermost table stands."""
+    if isinstance(value, Mapping):
+        return f"it is a table of its own: [{key}]"
+    if isinstance(value, list) and any(isinstance(item, Mapping) for item in value):
+        return f"these are tables of their own: [[{key}]]"
+    return "it stands at the top of the file, before the first line in brackets"
 
 
 def shown(value: Any) -> str:

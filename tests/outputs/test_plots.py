@@ -1,5 +1,6 @@
 """Pictures of gauges: every unit has its axis, and no line hides another."""
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -27,11 +28,22 @@ def test_forces_and_moments_have_an_axis_each(tmp_path):
     wave = np.sin(6.0 * TIME)
     forces, moments = axes_of(tmp_path, "force_x [N],force_y [N],moment_z [N m]", 100.0 * wave, 50.0 + wave, wave)
     assert [line.get_label() for line in forces.lines] == ["force x", "force y"]
-    assert forces.get_ylabel() == "[N]"
+    assert forces.get_ylabel() == "force [N]"
     assert moments.get_ylabel() == "moment z [N m]"
     assert moments.lines[0].get_ydata() == pytest.approx(wave)
     assert forces.get_position().y0 > moments.get_position().y1
     assert (forces.get_xlabel(), moments.get_xlabel()) == ("", "t [s]")
+
+
+def test_long_numbers_leave_room_for_the_label(tmp_path):
+    """The picture is wider by what the numbers are longer, and nothing reaches its edge."""
+    width = []
+    for force in (5.0, -456789.0):
+        axes_of(tmp_path, "force_x [N],force_y [N]", force * TIME, 1e5 * TIME)
+        pixels = plt.imread(tmp_path / "load.png")[..., :3]
+        assert (pixels[:, [0, -1]] == 1.0).all()
+        width.append(pixels.shape[1])
+    assert width[1] > width[0]
 
 
 def test_a_gauge_of_one_unit_has_one_axis(tmp_path):

@@ -53,7 +53,8 @@ def plot_gauge(path: Path, file: Path, figure: Any, references: Sequence[Referen
         axes.grid(True, color="#E6E6E6", linewidth=0.7)
         axes.set_axisbelow(True)
         axes.tick_params(length=3, width=0.8)
-    made.savefig(path)
+    made.align_ylabels(panels)
+    made.savefig(path, bbox_inches="tight", pad_inches=0.12)  # numbers may be long
     return path
 
 
@@ -75,7 +76,9 @@ def _stacked(figure: Any, count: int) -> tuple[Any, list[Any]]:
 def _alone(axes: Any, time: Values, series: Mapping[str, Values], unit: str) -> None:
     for (label, values, dash), colour in zip(told_apart(series), itertools.cycle(_OTHERS), strict=False):
         axes.plot(time, values, color=colour, linewidth=1.2, linestyle=dash, label=label)
-    what = next(iter(series)).replace("_", " ") if len(series) == 1 else ""
+    words = [name.replace("_", " ") for name in series]
+    first = {word.split()[0] for word in words}
+    what = words[0] if len(words) == 1 else first.pop() if len(first) == 1 else ""
     axes.set_ylabel(f"{what} [{unit}]".strip())
     if len(series) > 1:
         axes.legend(frameon=False)
