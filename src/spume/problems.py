@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -113,7 +113,7 @@ class Origin:
             parts.append(label if isinstance(label, str) and label.isprintable() and label else str(part))
         return ".".join(part if part.isprintable() and part else literal(part) for part in parts)
 
-    def problems(self, error: ValidationError, top: Iterable[str] = ()) -> list[Problem]:
+    def problems(self, error: ValidationError, top: Collection[str] = ()) -> list[Problem]:
         """Return the mistakes that validation found, in the order of the file.
 
         Args:
@@ -130,8 +130,8 @@ class Origin:
             if item["type"] == "value_error":  # of a table as a whole
                 value = _ABSENT
             message = _message(item)
-            if item["type"] == "unknown_key" and len(loc) > 1 and loc[-1] in top:
-                message = f"no such key here; {_place(loc[-1], item['input'])}"
+            if item["type"] == "unknown_key" and len(loc) > 1 and str(loc[-1]) in top:
+                message = f"no such key here; {_place(str(loc[-1]), item['input'])}"
             found.append((self._order(loc), self.problem(loc, message, value)))
         return [problem for _, problem in sorted(found, key=lambda pair: pair[0])]
 
