@@ -179,7 +179,7 @@ def by_formula(key, phi, r, w, d, n0, re=0.21):
     if key in ("corrected", "corrected-minimum"):
         return np.linalg.solve(moment, total[..., None])[..., 0]
     if key in ("completed", "imaged"):
-        lift = np.maximum({"completed": 0.3, "imaged": 0.6}[key] - np.linalg.eigvalsh(moment)[:, 0], 0.0)
+        lift = np.maximum({"completed": 0.3, "imaged": 0.45}[key] - np.linalg.eigvalsh(moment)[:, 0], 0.0)
         return np.linalg.solve(moment + lift[:, None, None] * np.eye(d), total[..., None])[..., 0]
     if key == "second-order":
         s, l0 = np.sqrt(rr), 0.1

@@ -2,8 +2,8 @@
 
 There the pressure is determined up to a constant, and a solution exists only if the right side sums to
 zero: both are projected, component by component. In a tank that is full some row has a low n by chance and is drawn a
-little to the pressure of a surface. All of the pressure would hang on it, so ties that are together less than
-`LEAST_TIE` are none.
+little to the pressure of a surface. All of the pressure would hang on it, so ties that are together less than a free
+surface says (`FreeSurface.least_tie`) are none.
 """
 
 from typing import Any
@@ -19,10 +19,6 @@ TIES = Field(
     "ties", (), "1", "sum of what grounds the rows of a component, at its smallest row", int, scratch="components"
 )
 COMPONENT_FIELDS = (COMPONENT, TIES)
-
-LEAST_TIE = 20
-"""Sum of ``grounded`` from which on a component is tied to a known pressure: a fifth of the diagonal of one row, which
-is half of what draws a row of a flat surface."""
 
 
 _WORTH_SHARING = 5
@@ -41,7 +37,7 @@ class Components:
         self._roots = kernels.array(kernels.i32, 1 + _FEW)
         self._sums: Any = None
 
-    def project(self, system: LinearSystem, particles: Particles, least: int = LEAST_TIE) -> list[int]:
+    def project(self, system: LinearSystem, particles: Particles, least: int = 1) -> list[int]:
         """Make the right side of each floating component sum to zero; return the components' smallest row numbers.
 
         What ties a floating component, less than ``least`` in all, is taken off its matrix.

@@ -13,7 +13,7 @@ from spume.named import Scheme
 from spume.pairs import PairSum, pair_sums, row_map, row_term
 from spume.particles import ANY, FLUID, WALL, Field, Particles
 from spume.pressure.base import Solver
-from spume.pressure.components import COMPONENT_FIELDS, LEAST_TIE
+from spume.pressure.components import COMPONENT_FIELDS
 from spume.pressure.matrix import BETWEEN_FLUIDS, SYSTEM_FIELDS, UNKNOWN
 from spume.pressure.multigrid import Multigrid
 from spume.schemes.collision.base import Collision
@@ -331,7 +331,7 @@ def solve_pressure(step: Projection, domain: Domain, surface_pressure: float, dt
         if step.source.compressibility > 0.0:
             _compress(step.source, particles, dt2)
         system.assemble(step.laplacian, domain.lattice, particles, domain.pairs, over=step.wall_model.carriers)
-        least = 1 if step.source.compressibility > 0.0 else LEAST_TIE
+        least = 1 if step.source.compressibility > 0.0 else step.free_surface.least_tie
         floating = domain.components.project(system, particles, least)
     with domain.stages("solve"):
         system.negligible = step.solver.volume_error / dt2
