@@ -32,8 +32,8 @@ class Blended(FreeSurface, name="blended"):
     The pressure matrix draws a row towards the surface pressure with a weight that grows with theta, from nothing
     to about the row's own diagonal at theta = 1/2; with more than that the row has the surface pressure itself. A
     row that comes and goes from one step to the next changes its pressure by half of what a sharp detection
-    changes, which is where much of such noise comes from. A connected body of fluid whose rows are all together drawn by
-    less than a fifth of a row's diagonal has no surface: in a tank that is full some row has a low n by chance.
+    changes, which is where much of such noise comes from. A connected body of fluid whose rows are all together drawn
+    by less than a fifth of a row's diagonal has no surface: in a tank that is full some row has a low n by chance.
     (This project.)
     """
 
