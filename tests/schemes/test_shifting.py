@@ -347,3 +347,22 @@ def test_what_is_held_by_a_wall_keeps_its_velocity_too(shifting):
     assert held.any()
     assert not particles.numpy("shift")[held].any()
     assert np.array_equal(particles.numpy("velocity")[held], velocity[particles.numpy("id")[held]])
+
+
+def test_the_end_of_a_film_that_is_held_by_a_wall_is_not_repelled_either():
+    """What `tangential` adds to the velocity of surface rows goes with a move that a wall has stopped."""
+    cells = np.arange(-4, 5) * L0
+    wall = np.stack(np.meshgrid(cells, [-1.0 * L0, -2.0 * L0]), axis=-1).reshape(-1, 2)
+    fluid = np.stack(np.meshgrid(cells, [-0.05 * L0, 0.85 * L0]), axis=-1).reshape(-1, 2)
+    position = np.concatenate([wall, fluid])
+    kind = np.repeat([WALL, FLUID], [len(wall), len(fluid)])
+    to_surface = np.where((kind == WALL)[:, None], np.stack([0 * position[:, 0], -position[:, 1]], axis=1), 0.0)
+    shape = {
+        "kind": kind, "to_surface": to_surface, "density": np.full(len(position), 1000.0),
+        "pressure": np.full(len(position), -2e3),
+    }  # fmt: skip
+    _, particles, _ = shifted(position, Tangential(), beta=0.97, **shape)
+    held = (particles.numpy("held_by_wall") > 0) & (particles.numpy("kind") == FLUID)
+    repelled = np.linalg.norm(particles.numpy("repulsion"), axis=1) > 1e-6
+    assert (held & repelled).any()
+    assert not particles.numpy("velocity")[held].any()
