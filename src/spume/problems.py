@@ -121,16 +121,17 @@ class Origin:
         """
         found = []
         items = error.errors(include_url=False)
-        misplaced = {item["loc"][-1] for item in items if item["type"] == "unknown_key" and len(item["loc"]) > 1}
+        misplaced = {item["loc"] for item in items if item["type"] == "unknown_key" and len(item["loc"]) > 1}
+        misplaced = {loc for loc in misplaced if str(loc[-1]) in top}
         for item in items:
             loc = tuple(item["loc"])
-            if item["type"] == "missing" and len(loc) == 1 and loc[0] in misplaced.intersection(top):
+            if item["type"] == "missing" and any(loc == other[-1:] for other in misplaced):
                 continue
             value = None if item["type"] == "missing" else item["input"]
             if item["type"] == "value_error":  # of a table as a whole
                 value = _ABSENT
             message = _message(item)
-            if item["type"] == "unknown_key" and len(loc) > 1 and str(loc[-1]) in top:
+            if loc in misplaced:
                 message = f"no such key here; {_place(str(loc[-1]), item['input'])}"
             found.append((self._order(loc), self.problem(loc, message, value)))
         return [problem for _, problem in sorted(found, key=lambda pair: pair[0])]

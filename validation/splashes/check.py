@@ -72,11 +72,11 @@ def cases(preset: str) -> Iterator[tuple[str, spume.Case]]:
     )  # fmt: skip
 
 
-def run(case: spume.Case, settings: list[str], folder: Path) -> tuple[float, float, float]:
+def run(case: spume.Case, settings: list[str], folder: Path, device: str = "cpu") -> tuple[float, float, float]:
     """Return by how much the energy rises, what is left of it, and the largest speed [m/s]."""
     file = folder / "case.toml"
     file.write_text(case.to_toml())
-    simulation = spume.load(file, settings).build(threads=1)
+    simulation = spume.load(file, settings).build(device=device, threads=1)
 
     def state() -> tuple[float, float]:
         x, u, kind = (simulation.fetch(name) for name in ("position", "velocity", "kind"))
