@@ -27,7 +27,8 @@ from spume.named import Scheme  # noqa: E402
 UP = "../"
 
 TITLES = {
-    "collision": "Collisions", "divergence": "Divergence", "free_surface": "Free surface", "gradient": "Gradient",
+    "air": "Enclosed air", "collision": "Collisions", "divergence": "Divergence", "free_surface": "Free surface",
+    "gradient": "Gradient",
     "laplacian": "Laplacian", "number_density": "Number density", "shifting": "Particle shifting",
     "source": "Source of the pressure equation", "step": "Weakly compressible step", "turbulence": "Turbulence",
     "viscosity": "Viscosity", "wall_function": "Wall functions", "weight": "Weight functions",

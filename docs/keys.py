@@ -11,8 +11,8 @@ from spume.citation import bibliography
 PAGES = {
     family: f"schemes/{family}.md"
     for family in (
-        "collision", "divergence", "free_surface", "gradient", "laplacian", "number_density", "shifting", "source",
-        "turbulence", "viscosity", "wall_function", "weight",
+        "air", "collision", "divergence", "free_surface", "gradient", "laplacian", "number_density", "shifting",
+        "source", "turbulence", "viscosity", "wall_function", "weight",
     )
 }  # fmt: skip
 """Families with a page of their own, from the folder docs."""

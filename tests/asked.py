@@ -3,6 +3,7 @@
 import numpy as np
 
 from arrangements import table
+from reference.air import SQUEEZED, hollow
 from reference.cloud import DT, DT_BEFORE
 from reference.collision import walls
 from reference.step import SOUND, density_at_start
@@ -17,8 +18,10 @@ from spume.schemes.free_surface.base import SURFACE_SHARE
 from spume.schemes.laplacian.original import Original as OriginalLaplacian
 from spume.schemes.number_density.base import Original as NumberDensity
 from spume.schemes.source.base import DIVERGENCE, SOURCE
+from spume.schemes.surface_images import AIR_PRESSURE
 from spume.schemes.viscosity.explicit import Explicit
 from spume.steps.base import nested
+from spume.voids import Voids
 from spume.wall_models.base import WALL_FIELDS
 
 FIELDS = (*SYSTEM_FIELDS, *WALL_FIELDS, SURFACE_SHARE, SOURCE, DIVERGENCE)
@@ -235,8 +238,21 @@ def wall_function(scheme, cloud, share=None):
     return np.where(solid[:, None], 0.0, rows.get("acceleration"))
 
 
+def air(scheme, cloud, share=None):
+    """Return the pressure of the air in a hollow block that has been squeezed, in P_0."""
+    x = hollow(cloud)
+    lattice, particles, _ = table(x, cloud.l0, fields=[AIR_PRESSURE])
+    voids, order = Voids(), particles.numpy("id")
+    for squeezed in (1.0, SQUEEZED):
+        particles.set("position", squeezed * x[order])
+        scheme(lattice, particles, voids, {})
+    result = np.empty(len(x))
+    result[order] = particles.numpy("air_pressure") / getattr(scheme, "pressure", 1.0)
+    return result
+
+
 ASK = {
-    "collision": collision, "divergence": divergence, "free_surface": free_surface, "gradient": gradient,
+    "air": air, "collision": collision, "divergence": divergence, "free_surface": free_surface, "gradient": gradient,
     "laplacian": laplacian, "number_density": number_density, "shifting": shifting, "source": source,
     "step": step, "turbulence": turbulence, "viscosity": viscosity,
     "wall_function": wall_function,

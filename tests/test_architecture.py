@@ -18,7 +18,7 @@ CORE = {"spume.particles", "spume.pairs", "spume.marks", "spume.lattice", "spume
 # What the modules of a folder may import of Spume, beyond their own folder.
 ALLOWED = {
     # An implicit model states a linear system and is handed its solver.
-    "schemes": CORE | {"spume.pressure.matrix", "spume.pressure.base"},
+    "schemes": CORE | {"spume.pressure.matrix", "spume.pressure.base", "spume.voids"},
     # A wall model says which rows have an equation, and sums like any other model.
     "wall_models": CORE | {"spume.geometry", "spume.pressure.matrix", "spume.schemes.operator"},
     "bodies": CORE | {"spume.geometry", "spume.motion"},

@@ -20,6 +20,7 @@ from spume.outputs.disk import NotWritten
 from spume.outputs.gauges import Elevation, Volume
 from spume.progress import Progress, seconds_of
 from spume.run import CHANGEABLE, _Limit, run
+from spume.schemes.air.adiabatic import Adiabatic
 from spume.schemes.laplacian.distance import Distance
 from spume.schemes.turbulence.smagorinsky import Smagorinsky
 from spume.schemes.viscosity.explicit import Explicit
@@ -51,6 +52,14 @@ def limited_by_eddies():
     case = case_of(end=1.0, step=ProjectInPlace(viscosity=EDDIES))
     (liquid,) = case.fluid
     return case.model_copy(update={"fluid": (liquid.model_copy(update={"viscosity": 0.05}),)})
+
+
+def with_a_bubble():
+    """Water at rest with a round hole in it, whose air is compressed and swings."""
+    case = column(l0=0.02, cells=(20, 20), step=ProjectInPlace(air=Adiabatic()))
+    (liquid,) = case.fluid
+    hollow = spume.Difference(of=liquid.shape, without=[spume.Sphere(centre=[0.2, 0.2], radius=0.09)])
+    return case.model_copy(update={"fluid": (liquid.model_copy(update={"shape": hollow}),)})
 
 
 def at_step(monkeypatch, step, act):
@@ -151,9 +160,10 @@ def poisoned(simulation, saved):
         (case_of(end=1.0), 7),
         (case_of(end=1.0, step=PredictMoveProject()), 7),
         (limited_by_eddies(), 7),
+        (with_a_bubble(), 7),
         (column(disturbance=0.1), 12),  # nearly at rest: lists serve many steps
     ],
-    ids=["project-in-place", "predict-move-project", "eddies", "at-rest"],
+    ids=["project-in-place", "predict-move-project", "eddies", "air", "at-rest"],
 )
 def test_a_step_reads_nothing_that_a_checkpoint_does_not_hold(case, steps):
     """Every field that is not saved is filled with NaN: the steps that follow are the same bits."""
@@ -167,6 +177,7 @@ def test_a_step_reads_nothing_that_a_checkpoint_does_not_hold(case, steps):
     for _ in range(12):
         first.advance()
         second.advance()
+    assert first.domain.voids.air == second.domain.voids.air
     assert first.domain.pairs.builds == second.domain.pairs.builds
     a, b = first.state()[0], second.state()[0]
     assert all(a[name].tobytes() == b[name].tobytes() for name in a)

@@ -13,6 +13,7 @@ from spume.particles import Particles
 from spume.pressure.components import Components
 from spume.pressure.matrix import LinearSystem
 from spume.stopwatch import Stopwatch
+from spume.voids import Voids
 
 
 @dataclass
@@ -27,6 +28,7 @@ class Domain:
         gravity: a ``Gravity`` scheme.
         system: the linear system of the pressure.
         components: connected components of that system.
+        voids: what is enclosed between the rows, followed from step to step.
         stages: wall time of the stages of the step.
         motion: motion of the coordinate system, as that of a tank; None: the laboratory's.
     """
@@ -38,6 +40,7 @@ class Domain:
     gravity: Any
     system: LinearSystem = field(default_factory=lambda: LinearSystem(single=True))
     components: Components = field(default_factory=Components)
+    voids: Voids = field(default_factory=Voids)
     stages: Stopwatch = field(default_factory=Stopwatch)
     motion: Motion | None = None
 

@@ -270,6 +270,7 @@ class Simulation:
         arrays = {f"particles/{name}": particles.numpy(name) for name in chosen}
         neighbours, built = domain.pairs.list.state(particles)
         arrays |= {f"list/{name}": values for name, values in built.items()}
+        arrays |= {f"voids/{name}": values for name, values in domain.voids.state().items()}
         for body in domain.bodies:
             arrays |= {f"bodies/{body.name}/{name}": values for name, values in body.state().items()}
         numbers = {
@@ -298,6 +299,7 @@ class Simulation:
             under.setdefault(group, {})[name] = values
         particles.replace(under["particles"], numbers["next_id"])
         domain.pairs.list.restore(particles, numbers["list"], under.get("list", {}))
+        domain.voids.restore(under.get("voids", {}))
         for body in domain.bodies:
             body.restore(under.get(f"bodies/{body.name}", {}))
         for name, value in numbers["clock"].items():

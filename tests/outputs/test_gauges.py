@@ -281,7 +281,7 @@ def test_columns_are_what_is_measured():
             Momentum(name="g"),
             Volume(name="g"),
         ):
-            kept = snapshot.keep(gauge.reads)  # what it declares is all that it reads
+            kept = snapshot.keep(gauge.read_of(snapshot.fields))  # what it declares is all that it reads
             assert list(gauge.measure(kept)) == list(gauge.columns(snapshot.dimension))
 
 

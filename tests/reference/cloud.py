@@ -118,6 +118,8 @@ def reference_value(family, key, cloud, arguments=None, text=None):
 
 def compared(family, cloud):
     """Return the rows that are compared: those of the outermost layer have too few neighbours for some matrices."""
+    if family == "air":  # of other rows, all of them
+        return None
     return cloud.inner if family in ("gradient", "laplacian", "divergence") else np.full(len(cloud), True)
 
 

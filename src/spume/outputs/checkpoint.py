@@ -112,8 +112,8 @@ class Checkpoint(Output):
             return
         begin = time.monotonic()
         case = run.case
-        shown = case.output.of_frame(run.simulation.snapshot().fields)
-        fields = {*shown, *(name for gauge in case.gauge for name in gauge.reads)}
+        known = run.simulation.snapshot().fields
+        fields = {*case.output.of_frame(known), *(name for gauge in case.gauge for name in gauge.read_of(known))}
         arrays, numbers = run.simulation.state(fields)
         if not all(np.isfinite(arrays[f"particles/{name}"]).all() for name in ("position", "velocity")):
             return  # the step that begins will say so

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, TextIO
 
@@ -28,11 +28,18 @@ class Gauge(Scheme, family="gauge", selector="kind"):
 
     reads: ClassVar[tuple[str, ...]] = ()
     """Fields that ``measure`` uses."""
+    reads_if_there: ClassVar[tuple[str, ...]] = ()
+    """Fields that ``measure`` uses where the models of the case have them."""
 
     name: Annotated[str, Field(min_length=1, pattern=r"^[^/\\\s]+$")]
     """Label of the gauge, the name of its CSV file and picture."""
     interval: Annotated[float, Field(gt=0.0)] | None = None
     """Time between two values [s], interpolated from the steps around; default: every step."""
+
+    def read_of(self, fields: Iterable[str]) -> tuple[str, ...]:
+        """Return which of a case's fields ``measure`` uses."""
+        there = set(fields)
+        return (*self.reads, *(name for name in self.reads_if_there if name in there))
 
     def columns(self, dimension: int) -> dict[str, str]:
         """Return column name to unit; the first is the gauge's principal value."""

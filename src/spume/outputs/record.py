@@ -8,6 +8,7 @@ from typing import Any
 
 from spume.outputs.gauge import Gauge, Recorder
 from spume.outputs.output import Output, RunLike
+from spume.outputs.snapshot import Snapshot
 
 FOLDER = "gauges"
 
@@ -26,8 +27,6 @@ class Gauges(Output):
             raise ValueError(f"gauge name = {twice[0]!r}: given to two gauges; every gauge needs its own")
         self.gauges = tuple(gauges)
         self.recorders: tuple[Recorder, ...] = ()
-        # Fields of the steps around an instant must outlive their step.
-        self._reads = tuple({f: None for g in gauges for f in g.reads})
 
     def start(self, run: RunLike) -> None:
         snapshot = run.simulation.snapshot()
@@ -40,7 +39,7 @@ class Gauges(Output):
         return {recorder.gauge.name: recorder.state() for recorder in self.recorders}
 
     def resume(self, run: RunLike, state: dict[str, Any]) -> None:
-        snapshot = run.simulation.snapshot().keep(self._reads)
+        snapshot = self._kept(run.simulation.snapshot())
         self.recorders = tuple(Recorder(g, path(run.folder, g.name)) for g in self.gauges)
         for recorder in self.recorders:
             recorder.resume(snapshot, state[recorder.gauge.name])
@@ -50,9 +49,13 @@ class Gauges(Output):
             return
         snapshot = run.simulation.snapshot()
         if any(g.interval is not None for g in self.gauges):
-            snapshot = snapshot.keep(self._reads)
+            snapshot = self._kept(snapshot)
         for recorder in self.recorders:
             recorder.record(snapshot)
+
+    def _kept(self, snapshot: Snapshot) -> Snapshot:
+        """Return a snapshot whose fields outlive their step, as those of the steps around an instant must."""
+        return snapshot.keep(tuple({name: None for g in self.gauges for name in g.read_of(snapshot.fields)}))
 
     def finish(self, run: RunLike) -> None:
         for recorder in self.recorders:

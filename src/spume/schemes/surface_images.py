@@ -18,8 +18,11 @@ from spume.schemes.operator import Operator
 IMAGES = Field("images", ("d",), "1/m", "minus d/n0 sum of W r/r^2 over the images beyond the surface")
 SURFACE_DISTANCE = Field("surface_distance", (), "m", "distance of a row from the free surface")
 IMAGES_DENSITY = Field("images_density", (), "1", "what the images beyond the surface add to the number density")
+AIR_PRESSURE = Field(
+    "air_pressure", (), "Pa", "pressure beyond the free surface, of air that is enclosed there", restart=True
+)
 IMAGE_FIELDS = (
-    CROWDING, SURFACE_SHARE, IMAGES, SURFACE_DISTANCE,
+    CROWDING, SURFACE_SHARE, IMAGES, SURFACE_DISTANCE, AIR_PRESSURE,
     Field("fluid_crowding", ("d",), "1/m", "crowding of the fluid alone", scratch="images"),
     Field("fluid_moment", ("symmetric",), "1", "d/n0 sum of W r (x) r/r^2 over the fluid alone", scratch="images"),
     Field("wall_side", ("d",), "1", "d/n0 sum of W over solid rows, times the normal of their wall", scratch="images"),

@@ -1,9 +1,13 @@
 """Projection at the positions where the step starts: waves, sloshing, and the default."""
 
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, Self
+
+from pydantic import model_validator
 
 from spume.domain import Domain
 from spume.pairs import RowMap, row_map, row_maps
+from spume.schemes.air.base import Air
+from spume.schemes.air.none import Nowhere
 from spume.schemes.correction import SECOND_MOMENT, WALL_MOMENT
 from spume.schemes.divergence.base import Divergence
 from spume.schemes.divergence.bounded import Bounded
@@ -56,6 +60,8 @@ class ProjectInPlace(Projection, name="project-in-place"):
     """Particle number density n."""
     free_surface: FreeSurface = ImagedSurface()
     """Detection of the free surface."""
+    air: Air = Nowhere()
+    """Air that the free surface encloses."""
     viscosity: Viscosity = Explicit(laplacian=Distance())
     """Viscosity."""
     divergence: Divergence = Bounded()
@@ -70,6 +76,24 @@ class ProjectInPlace(Projection, name="project-in-place"):
     """Particle shifting."""
     volume_order: Literal[1, 2] = 2
     """Order in dt to which a step keeps the volume: 1 makes div u zero, 2 what it leaves of it as well [1]."""
+
+    @model_validator(mode="after")
+    def _air_beyond_images(self) -> Self:
+        if self.air.key != "none" and not (self.free_surface.of_air and self.gradient.of_air):
+            raise ValueError(
+                f"air {self.air.key!r} acts through images beyond the surface, which free_surface "
+                f"{self.free_surface.key!r} with gradient {self.gradient.key!r} does not have: choose imaged for both"
+            )
+        return self
+
+    def begin(self, domain: Domain) -> None:
+        """Prepare the state before the first step, which air that is enclosed from the beginning may limit."""
+        super().begin(domain)
+        self.air(domain.lattice, domain.particles, domain.voids, domain.pairs.periods)
+
+    def max_dt(self, domain: Domain, speed: float) -> float:
+        """Return the largest time step [s] that enclosed air allows."""
+        return self.air.max_dt(domain.lattice, domain.particles, domain.voids)
 
     def __call__(self, domain: Domain, t: float, dt: float, before: float) -> dict[str, float]:
         """Advance the domain from t to t + dt: forces, project, move."""
@@ -90,6 +114,7 @@ class ProjectInPlace(Projection, name="project-in-place"):
             self.number_density(lattice, particles, pairs)
             self.wall_model.count_fluid(lattice, particles, pairs)
             self.free_surface(lattice, particles, pairs, self.number_density)
+            trapped = self.air(lattice, particles, domain.voids, pairs.periods)
             self.source.remember(lattice, particles, pairs, self.number_density, self.wall_model.mirror)
             for body in bodies:
                 body.force(particles, pairs, tau)
@@ -118,4 +143,4 @@ class ProjectInPlace(Projection, name="project-in-place"):
             self.shifting(lattice, particles, pairs, self.number_density, dt)
         for body in bodies:
             body.respond(particles, t, dt)
-        return {**figures, "removed": removed, "acceleration": acceleration}
+        return {**figures, **trapped, "removed": removed, "acceleration": acceleration}

@@ -22,12 +22,14 @@ class Force(Gauge, name="force"):
     A row at an outer edge has two or three faces, one behind an inner corner none. A face is wet if fluid is within
     0.95 l0 of the middle of the cell beyond it and no row of another body fills that cell. x_f is where the face's
     direction e_f meets the surface, and p_f = p_i + ρ (g − a_wall)·(x_f − x_i) takes the row's pressure there with the
-    inhomogeneous wall condition, ρ of the nearest fluid row. Friction is not included.
+    inhomogeneous wall condition, ρ of the nearest fluid row. A dry face beside enclosed air has that air's pressure.
+    Friction is not included.
     """
 
     reads: ClassVar[tuple[str, ...]] = (
         "position", "pressure", "density", "kind", "body", "to_surface", "exposed", "wall_acceleration",
     )  # fmt: skip
+    reads_if_there: ClassVar[tuple[str, ...]] = ("air_pressure",)
 
     body: str
     """Name of the body."""
@@ -73,12 +75,16 @@ class Force(Gauge, name="force"):
 def _on_faces(
     snapshot: Snapshot, rows: NDArray[np.intp], e: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return pressure [Pa], (m,), and place [m], (m, d), of those faces in a direction that are wet."""
+    """Return pressure [Pa], (m,), and place [m], (m, d), of those faces in a direction that are wet or feel air."""
     position = np.asarray(snapshot["position"], dtype=float)
     beyond = position[rows] + snapshot.spacing * e
     fluid = nearest(snapshot, beyond, FLUID, _WET)
-    wet = (fluid >= 0) & (nearest(snapshot, beyond, WALL | DUMMY, _FILLED) < 0)
-    rows, fluid = rows[wet], fluid[wet]
+    if "air_pressure" in snapshot.fields:
+        air = np.asarray(snapshot["air_pressure"], dtype=float)[rows]
+    else:
+        air = np.zeros(len(rows))
+    felt = ((fluid >= 0) | (air != 0.0)) & (nearest(snapshot, beyond, WALL | DUMMY, _FILLED) < 0)
+    rows, fluid, air = rows[felt], fluid[felt], air[felt]
     to_surface = np.asarray(snapshot["to_surface"], dtype=float)[rows]
     along = to_surface @ e
     square = np.einsum("ij,ij->i", to_surface, to_surface)
@@ -88,7 +94,7 @@ def _on_faces(
     acceleration = np.asarray(snapshot["wall_acceleration"], dtype=float)[rows] @ e
     p = np.asarray(snapshot["pressure"], dtype=float)[rows]
     density = np.asarray(snapshot["density"], dtype=float)[fluid]
-    return p + density * acceleration * way, position[rows] + way[:, None] * e
+    return np.where(fluid >= 0, p + density * acceleration * way, air), position[rows] + way[:, None] * e
 
 
 def _in_space(vector: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -27,7 +27,7 @@ class Pressure(Riding, name="pressure"):
     1.5 l0). It is exact for a linear pressure. Fluid lies l0/2 on one side of a wall, wall rows l0/2 on
     the other, so a point on the wall is inside the data; a result outside their range is cut to it, and
     where the rows do not span a plane (a jet's tip) the weighted mean Σ w p / Σ w takes its place. No
-    fluid row within 1.5 l0: zero.
+    fluid row within 1.5 l0: that of the air at the nearest row within 2 l0, zero where none is enclosed.
 
     With ``face`` the value is the mean over the sensor's face, or over l0 if that is larger (the
     discretisation knows no smaller face): in 2D a line along the wall, in 3D a disc, by 5 and 13 points.
@@ -35,6 +35,7 @@ class Pressure(Riding, name="pressure"):
     """
 
     reads: ClassVar[tuple[str, ...]] = ("position", "pressure", "kind", "to_surface")
+    reads_if_there: ClassVar[tuple[str, ...]] = ("air_pressure",)
 
     at: tuple[float, ...]
     """Position of the sensor's centre [m], on the plane of the wall or in the fluid."""
@@ -76,14 +77,15 @@ class Pressure(Riding, name="pressure"):
         near = np.flatnonzero(np.all(np.abs(position - centre) < far, axis=1))
         kind = np.asarray(snapshot["kind"])[near]
         fluid = near[kind == FLUID]
+        points = self._points(snapshot) if len(fluid) else centre[None, :]
+        air = _air(snapshot, points, near)
         if len(fluid) == 0:
-            return {"pressure": 0.0}
-        points = self._points(snapshot)
+            return {"pressure": float(air[0])}
         wall = near[kind == WALL]
         wall = wall[wet_rows(snapshot, wall, fluid)]
         rows = np.concatenate([fluid, wall])
         p = np.asarray(snapshot["pressure"], dtype=float)[rows]
-        values = [point_value(x, position[rows], p, len(fluid), l0) for x in points]
+        values = [point_value(x, position[rows], p, len(fluid), l0, a) for x, a in zip(points, air, strict=True)]
         return {"pressure": float(np.mean(values))}
 
     def _wall_normal(self, snapshot: Snapshot) -> NDArray[np.float64] | None:
@@ -122,6 +124,20 @@ class Pressure(Riding, name="pressure"):
         return points[~_behind_a_wall(snapshot, points, centre)]
 
 
+def _air(snapshot: Snapshot, points: NDArray[np.float64], rows: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Return the pressure of enclosed air at points [Pa]: that of the nearest of some rows within 2 l0, else 0."""
+    values = np.zeros(len(points))
+    if "air_pressure" not in snapshot.fields or len(rows) == 0:
+        return values
+    air = np.asarray(snapshot["air_pressure"], dtype=float)[rows]
+    if not air.any():
+        return values
+    position = np.asarray(snapshot["position"], dtype=float)[rows]
+    distance = np.linalg.norm(position[None, :, :] - points[:, None, :], axis=2)
+    near = distance.min(axis=1) < _RADIUS * snapshot.spacing
+    return np.where(near, air[distance.argmin(axis=1)], 0.0)
+
+
 def wet_rows(snapshot: Snapshot, rows: NDArray[np.intp], fluid: NDArray[np.intp]) -> NDArray[np.bool_]:
     """Return which of these rows have one of the given fluid rows within 1.5 l0, shape (len(rows),)."""
     from scipy.spatial import cKDTree
@@ -139,8 +155,11 @@ def point_value(
     values: NDArray[np.float64],
     fluid: int,
     spacing: float,
+    dry: float = 0.0,
 ) -> float:
-    """Return the value of a field at a point from the rows around it, 0 without fluid near; see :class:`Pressure`.
+    """Return the value of a field at a point from the rows around it, ``dry`` without fluid near.
+
+    See :class:`Pressure`.
 
     Args:
         point: x [m], shape (d,).
@@ -148,11 +167,12 @@ def point_value(
         values: of the rows, shape (rows,).
         fluid: number of fluid rows; they are the first.
         spacing: l0 [m].
+        dry: the value without fluid near.
     """
     offset = (position - point) / (_RADIUS * spacing)
     q2 = np.einsum("ij,ij->i", offset, offset)
     if fluid == 0 or q2[:fluid].min() > (_REACH / _RADIUS) ** 2:
-        return 0.0
+        return dry
     inside = q2 < 1.0
     w = (1.0 - q2[inside]) ** 2
     p = values[inside]

@@ -31,6 +31,8 @@ class FreeSurface(Operator, family="free_surface"):
     needs: ClassVar[tuple[Field, ...]] = (SURFACE_SHARE,)
     known: ClassVar[bool] = True
     """Whether the rows it marks have a known pressure; otherwise the matrix solves for them too."""
+    of_air: ClassVar[bool] = False
+    """Whether the pressure beyond the surface may be that of enclosed air, ``air_pressure``."""
     least_tie: ClassVar[int] = 1
     """Hundredths of the diagonal of one row that all of a connected fluid must be drawn by to have a surface at all."""
 

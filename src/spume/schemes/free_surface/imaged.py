@@ -21,6 +21,11 @@ def images(a, scale, n0, missing, flat, l0):  # type: ignore[no-untyped-def]
     return scale / a.density * a.surface_share * max(a.images.norm() / a.surface_distance, 2.0 * beyond * flat / l0)
 
 
+@row_term(reads=("air_pressure",))
+def of_air(a):  # type: ignore[no-untyped-def]
+    return a.air_pressure
+
+
 @row_term(reads=("surface_diagonal", "number_density", "solid_density", "density"))
 def held_alone(a, scale):  # type: ignore[no-untyped-def]
     # What has walls around it and hardly any fluid is no inside of anything, however crowded it is.
@@ -48,6 +53,7 @@ class Imaged(Blended, name="imaged"):
     reference: ClassVar = ()
     unused: ClassVar = {}
     known: ClassVar = False
+    of_air: ClassVar = True
     needs: ClassVar = (*Blended.needs, *IMAGE_FIELDS, IMAGES_DENSITY)
 
     def sums(self, lattice: Lattice) -> tuple[PairSum, ...]:
@@ -55,13 +61,13 @@ class Imaged(Blended, name="imaged"):
         return (crowding_sum(self, lattice),)
 
     def draw(self, lattice: Lattice, particles: Particles, laplacian: Any, number_density: Any) -> None:
-        """Write ``surface_diagonal`` = 2 theta |b|/(delta rho) [m/kg] and the ``surface_value`` zero."""
+        """Write ``surface_diagonal`` = 2 theta |b|/(delta rho) [m/kg] and the ``surface_value``, the air's pressure."""
         weight, re, d = number_density.weight, number_density.re, lattice.dimension
         flat = -flat_surface_gradient(self.weight, self.re, d, 0.0) / lattice.spacing
         measures = (2.0, lattice.n0(weight, re), lattice.missing(weight, re), flat, lattice.spacing)
         maps = (
             RowMap(nothing, "surface_diagonal", FLUID | WALL),
-            RowMap(nothing, "surface_value", FLUID | WALL),
+            RowMap(of_air, "surface_value", FLUID | WALL),
             RowMap(images, "surface_diagonal", arguments=measures, where="surface_share"),
             RowMap(held_alone, "surface_diagonal", arguments=(2.0 * d / laplacian.lambda_(lattice),)),
         )

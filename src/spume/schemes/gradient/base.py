@@ -18,6 +18,8 @@ class Gradient(Operator, family="gradient"):
     of_normals: ClassVar[bool] = False
     """Whether a wall that is asked for it may say how the pressure changes along its normal, and nothing else."""
 
+    of_air: ClassVar[bool] = False
+    """Whether the pressure beyond the surface may be that of enclosed air, ``air_pressure``."""
     completes: ClassVar[bool] = False
     """Whether neighbours missing at the free surface take part, as the matrix counts them that detects no surface."""
 

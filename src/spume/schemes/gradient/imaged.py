@@ -29,17 +29,17 @@ def _corrected(a, total, scale, floor, l0, normals):  # type: ignore[no-untyped-
     if a.surface_share > 0.0:
         length = 2.0 * a.surface_share * a.surface_distance / max(a.images.norm(), 1e-9 / l0)
         matrix += length * a.images.outer_product(a.images)
-        total += 2.0 * a.surface_share * a.value * a.images
+        total += 2.0 * a.surface_share * (a.value - a.air_pressure) * a.images
     missing = missing_to(matrix, floor)
     # Half of the pressure that a surface at rest has at the centres of its rows, and more, carries all of the weight.
     weight = a.density * a.acceleration
-    at_rest = min(max(a.value / max(0.25 * l0 * weight.norm(), 1e-30), 0.0), 1.0) * weight
+    at_rest = min(max((a.value - a.air_pressure) / max(0.25 * l0 * weight.norm(), 1e-30), 0.0), 1.0) * weight
     return (matrix + missing * identity_like(matrix)).inverse() @ (total + missing * at_rest)
 
 
 _READ = (
     "value", "kind", "to_surface", "second_moment", "wall_moment", "surface_share", "images", "surface_distance",
-    "density", "acceleration",
+    "density", "acceleration", "air_pressure",
 )  # fmt: skip
 
 
@@ -81,6 +81,7 @@ class Imaged(Gradient, name="imaged"):
     order: ClassVar = 0
     needs: ClassVar = (SECOND_MOMENT, WALL_MOMENT, WALL_ACCELERATION, *IMAGE_FIELDS)
     completes: ClassVar = True
+    of_air: ClassVar = True
 
     floor: float = Parameter(default=0.45, gt=0.0, le=1.0)
     """Least eigenvalue of the matrix that is inverted [1]."""
