@@ -55,6 +55,12 @@ def test_no_void_in_what_is_full(runtime):
     assert now.volumes == {}
 
 
+def test_what_is_too_small_is_left_out(runtime):
+    _, particles, _ = table(hollow(2), L0)
+    for least, number in ((30 * L0**2, 1), (55 * L0**2, 0)):
+        assert len(Voids().find(L0, particles, {}, least).volumes) == number
+
+
 def test_a_film_of_one_row_closes_a_void_until_a_row_is_missing(runtime):
     position = hollow(2, width=5, cells=7)  # the outermost rows are all that is left
     assert len(found(position)[0].volumes) == 1

@@ -45,8 +45,8 @@ class Adiabatic(Air, name="adiabatic"):
         self, lattice: Lattice, particles: Particles, voids: Voids, periods: Mapping[int, float]
     ) -> dict[str, float]:
         """Write ``air_pressure``; count ``air_pockets``, and give the largest pressure in one [Pa]."""
-        now = voids.find(lattice.spacing, particles, periods)
         least = (self.smallest * lattice.spacing) ** lattice.dimension
+        now = voids.find(lattice.spacing, particles, periods, least)
         carried, parts = voids.carried(now), voids.parts(now) if now.volumes else {}
         whole: dict[int, float] = {}
         for (_, before), part in parts.items():
