@@ -138,6 +138,19 @@ class TestFromStepToStep:
         assert sorted(parts.values()) == pytest.approx(volumes, rel=1e-9)
         assert {before for _, before in parts} == {number}
 
+    def test_what_rows_leave_brings_no_air(self, runtime):
+        """Rows at the edge of a void go away: their cells say nothing of where the air in them comes from."""
+        voids = Voids()
+        whole = hollow(2, width=6, cells=20)
+        now, _ = found(whole, voids)
+        (number,) = now.volumes
+        voids.keep(now, {number: (1.0, 1.0)})
+        edge = (np.abs(whole[:, 0]) < 0.35) & (whole[:, 1] > 0) & (whole[:, 1] < 0.55)
+        after, _ = found(whole[~edge], voids)
+        (larger,) = after.volumes
+        assert after.volumes[larger] == pytest.approx(48 * L0**2, rel=1e-3)
+        assert voids.parts(after) == {(larger, number): pytest.approx(after.volumes[larger])}
+
     def test_what_opens_is_outside(self, runtime):
         voids = Voids()
         closed = hollow(2)

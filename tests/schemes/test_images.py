@@ -318,14 +318,19 @@ def test_water_at_rest_needs_no_neighbours(d):
         assert (off < 1e-6) == exact, off
 
 
+@pytest.mark.parametrize("air", [0.0, 700.0])
 @pytest.mark.parametrize(("pressure", "share"), [(0.0, 0.0), (0.125, 0.5), (0.25, 1.0), (5.0, 1.0)])
-def test_what_has_no_pressure_is_not_held_up(pressure, share):
-    """A row with one neighbour, at the same pressure: the floor carries as much of it as its pressure says."""
+def test_what_has_no_pressure_is_not_held_up(pressure, share, air):
+    """A row with one neighbour, at the same pressure: the floor carries as much of it as its pressure says.
+
+    What counts is how much that is above the pressure of enclosed air.
+    """
     x = np.array([[0.0, 0.0], [0.9 * L0, 0.0]])
     lattice, particles, pairs = table(x, spacing=L0, fields=FIELDS, skin=0.0)
     weight = 1000.0 * np.array([[0.0, -9.81]] * 2)
     particles.set("acceleration", weight / 1000.0)
     particles.set("density", np.full(2, 1000.0))
-    particles.set("scalar", np.full(2, pressure * 9810.0 * L0))
+    particles.set("scalar", np.full(2, pressure * 9810.0 * L0 + air))
+    particles.set("air_pressure", np.full(2, air))
     ImagedGradient()(lattice, particles, pairs, phi="scalar", out="vector")
     assert particles.numpy("vector") == pytest.approx(share * weight, rel=1e-9, abs=1e-9)
