@@ -235,3 +235,38 @@ def test_a_body_that_ends_with_the_period_is_told_of(caplog, beyond):
     assert len(told) == (2 if beyond == 0.0 else 0)
     if told:
         assert "body.0.shape: it ends at the periodic boundary x = 0 m" in told[0]
+
+
+class TestEnclosedAir:
+    """Two columns that are joined below a divider, one of them under a lid."""
+
+    @staticmethod
+    def chamber(lid=True, divided=0.3, **more):
+        water = [([0.0, 0.0], [0.4, 0.6]), ([0.6, 0.0], [1.0, 0.6]), ([0.4, 0.0], [0.6, 0.3])]
+        bodies = [
+            spume.Wall(name="tank", shape=spume.Tank(lower=[0.0, 0.0], upper=[1.0, 1.2], open=["top"])),
+            spume.Wall(name="divider", shape=spume.Box(lower=[0.4, divided], upper=[0.6, 1.2])),
+        ]
+        if lid:
+            bodies.append(spume.Wall(name="lid", shape=spume.Box(lower=[-0.15, 1.0], upper=[0.6, 1.15])))
+        fluid = [
+            spume.Fluid(name=f"water{k}", shape=spume.Box(lower=lower, upper=upper))
+            for k, (lower, upper) in enumerate(water)
+        ]
+        return spume.Case(spacing=L0, time={"end": 1.0}, fluid=fluid, body=bodies, **more)
+
+    def test_is_spoken_of(self, said):
+        (sentence,) = said(self.chamber())
+        assert "a void of 0.16 m^2 is enclosed from the beginning" in sentence
+        assert 'air = "adiabatic"' in sentence
+
+    @pytest.mark.parametrize("air", ["adiabatic", {"name": "adiabatic", "smallest": 3.0}])
+    def test_not_where_it_is_taken_for_air(self, said, air):
+        assert said(self.chamber(step={"name": "project-in-place", "air": air})) == []
+
+    def test_not_where_it_is_open(self, said):
+        assert said(self.chamber(lid=False)) == []
+
+    def test_not_in_a_closed_tank_that_is_half_full(self, said):
+        closed = spume.Wall(name="tank", shape=spume.Tank(lower=[0.0, 0.0], upper=[1.0, 0.6]))
+        assert said(case_of(water([0.0, 0.0], [1.0, 0.3]), (closed,))) == []

@@ -18,6 +18,7 @@ from spume.outputs import Snapshot
 from spume.particles import FLUID, WALL
 from spume.prediction import fall_speed
 from spume.problems import point_text
+from spume.voids import enclosed_volumes
 
 if TYPE_CHECKING:
     from spume.case import Case
@@ -26,6 +27,7 @@ log = logging.getLogger("spume")
 
 _SAMPLES = 2000  # rows of a fluid that are looked at
 _MONTH = 30 * 86400.0  # s
+_ROOMY = 5.0  # edge of a void that is spoken of [l0]
 _HASTY = (10.0, 50.0)  # speed of a motion, in those of a fall over the fluid's height, and in m/s
 _ALONG_PERIOD = 0.1  # share of gravity along a periodic axis from which on nothing falls out
 
@@ -40,7 +42,7 @@ def warn(case: Case, snapshot: Snapshot) -> None:
     caution = case.step.caution()
     if caution:
         log.warning("%s: %s", case.origin.name(("step",)) or "step", caution)
-    of_rows = (_falling, _blind, _leaking, _ending, _crossing, _hasty)
+    of_rows = (_falling, _blind, _leaking, _trapping, _ending, _crossing, _hasty)
     found = (_densities(case), *(judge(case, snapshot) for judge in of_rows), _elsewhen(case))
     for loc, sentence in itertools.chain.from_iterable(found):
         log.warning("%s: %s", case.origin.name(loc), sentence)
@@ -188,6 +190,21 @@ def _leaking(case: Case, snapshot: Snapshot) -> Iterator[tuple[Location, str]]:
                 f"{point_text(point)} m: water is pressed out there; let one of them reach over the other by its "
                 f"thickness, {reach:g} m",
             )
+
+
+def _trapping(case: Case, snapshot: Snapshot) -> Iterator[tuple[Location, str]]:
+    """Yield that air is enclosed from the beginning, where the step takes it for nothing."""
+    air = getattr(case.step, "air", None)
+    if air is None or air.key != "none":
+        return
+    volumes = enclosed_volumes(snapshot["position"], snapshot["kind"], snapshot.spacing, snapshot.periods)
+    cells = [volume / snapshot.spacing**snapshot.dimension for volume in volumes]
+    if cells and cells[0] >= _ROOMY**snapshot.dimension:
+        yield (
+            ("step", "air"),
+            f"a void of {volumes[0]:.3g} m^{snapshot.dimension} is enclosed from the beginning, and gives way as if it "
+            'were empty: air = "adiabatic" makes it a spring',
+        )
 
 
 def _ending(case: Case, snapshot: Snapshot) -> Iterator[tuple[Location, str]]:

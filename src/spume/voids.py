@@ -208,7 +208,7 @@ class Voids:
     ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int64], NDArray[np.float64], float]:
         """Return what fills each cell, and what fluid does, first index and size of the cells, and what 1 is of one."""
         d, count = particles.dimension, particles.count
-        size = np.array([periods[k] / round(periods[k] / spacing) if k in periods else spacing for k in range(d)])
+        size = _cell_size(spacing, d, periods)
         position = kernels.host(particles["position"])[:count]
         first, shape = _box(position, size, periods)
         if int(np.prod(shape)) > _MOST_CELLS * count + (1 << 16):
@@ -232,6 +232,38 @@ class Voids:
             there[3 * k : 3 * k + len(shape)] = numbers
         kernels.publish(self._grid, there)
         return self._grid
+
+
+def enclosed_volumes(
+    position: NDArray[np.floating[Any]], kind: NDArray[np.integer[Any]], spacing: float, periods: Mapping[int, float]
+) -> list[float]:
+    """Return the volumes [m^d] of the voids that rows on a lattice enclose (see `Voids.find`), largest first.
+
+    Args:
+        position: of all rows [m], shape (n, d).
+        kind: of all rows, shape (n,).
+        spacing: l0 [m].
+        periods: length [m] of each periodic axis.
+    """
+    size = _cell_size(spacing, position.shape[1], periods)
+    first, shape = _box(position, size, periods)
+    if int(np.prod(shape)) > _MOST_CELLS * len(position) + (1 << 16):
+        return []
+    cells = np.floor(position / size).astype(np.int64) - first
+    for axis, number in enumerate(shape):
+        cells[:, axis] %= number
+    filled, water = np.zeros((2, *shape), dtype=bool)
+    filled[tuple(cells.T)] = True
+    water[tuple(cells[kind == FLUID].T)] = True
+    label, number = _connected(~filled, periods)
+    sizes = np.bincount(label.ravel(), minlength=number + 1)
+    found = _enclosed(label, sizes, water, periods) if number > 1 else []
+    return sorted((float(sizes[k] * np.prod(size)) for k in found), reverse=True)
+
+
+def _cell_size(spacing: float, d: int, periods: Mapping[int, float]) -> NDArray[np.float64]:
+    """Return the size of the cells [m], l0 or as near to it as a period allows, shape (d,)."""
+    return np.array([periods[k] / round(periods[k] / spacing) if k in periods else spacing for k in range(d)])
 
 
 def _box(
