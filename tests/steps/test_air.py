@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import spume
+from spume.outputs import OutputSettings, summary
 from spume.outputs.gauges.force import Force
 from spume.outputs.gauges.pressure import Pressure
 from spume.particles import FLUID
@@ -83,6 +84,17 @@ def test_steps_resolve_the_period():
         simulation.advance()
     radius = math.sqrt(AIR * HEIGHT / math.pi)
     assert simulation.dt < 0.1 * 2.0 * math.pi * radius * math.sqrt(1000.0 / (2 * GAMMA * OUTSIDE)) * 1.2
+
+
+def test_the_log_tells_voids_and_pressure(tmp_path):
+    case = slug(end=0.3).model_copy(update={"output": OutputSettings(pictures=False, log_interval=2)})
+    case.run(tmp_path / "run", threads=1)
+    (header, *lines) = (tmp_path / "run" / "log.csv").read_text(encoding="utf-8").splitlines()
+    columns = header.split(",")
+    assert {"air_pockets [1]", "air_pressure [Pa]"} <= set(columns)
+    rows = [dict(zip(columns, line.split(","), strict=True)) for line in lines]
+    assert {row["air_pockets [1]"] for row in rows[1:]} == {"1"}  # at each line, not summed up between them
+    assert "air_pockets" not in summary.read(tmp_path / "run")["counts"]
 
 
 def test_smaller_voids_are_empty():

@@ -63,7 +63,8 @@ class Log(Output):
         self._path = run.folder / FILE
         d = run.simulation.snapshot().dimension
         joule = "J" if d == 3 else "J/m"
-        self._units = UNITS | {"volume": f"m^{d}", "kinetic_energy": joule, "potential_energy": joule}
+        of_dimension = {"volume": f"m^{d}", "kinetic_energy": joule, "potential_energy": joule}
+        self._units = UNITS | of_dimension | {"air_pressure": "Pa"}
 
     def state(self) -> dict[str, Any]:
         synced(self._file)
@@ -155,7 +156,7 @@ def is_count(name: str, value: float) -> bool:
     return name not in _MEASURES and float(value).is_integer()
 
 
-_MEASURES = frozenset({"step", "time", "dt", "iterations", "residual"})
+_MEASURES = frozenset({"step", "time", "dt", "iterations", "residual", "air_pockets", "air_pressure"})
 _OWN = frozenset(UNITS) - {"removed"}
 
 
