@@ -130,6 +130,18 @@ def test_a_bubble_carries_the_water_above():
     assert simulation.statistics["air_pressure"] < 0.1 * 9810.0 * depth  # one swing is over
 
 
+@pytest.mark.parametrize("carried", [-1.0, 0.0, 0.3, 5.0])
+def test_a_volume_that_cannot_be_carried_is_measured_anew(carried, monkeypatch):
+    simulation = slug(end=0.1).build(threads=1)
+    simulation.advance()
+    domain, air = simulation.domain, simulation.step.air
+    (number,) = domain.voids.air
+    monkeypatch.setattr(type(domain.voids), "carried", lambda self, now: {number: carried * AIR * HEIGHT})
+    air(domain.lattice, domain.particles, domain.voids, domain.pairs.periods)
+    ((_, volume),) = domain.voids.air.values()
+    assert volume == pytest.approx(AIR * HEIGHT, rel=0.05)
+
+
 @pytest.mark.parametrize("other", [{"free_surface": Blended()}, {"gradient": Corrected()}])
 def test_refuses_what_has_no_images(other):
     with pytest.raises(CaseError, match="choose imaged for both"):

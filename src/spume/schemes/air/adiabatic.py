@@ -23,9 +23,10 @@ class Adiabatic(Air, name="adiabatic"):
     nor, in a closed tank, is the largest of all. Its air is what was in it when it closed, at P_0. Voids that
     part share their air by volume, those that join add theirs, and one that opens loses it. V follows the motion:
     each step adds by how much the cells of the void have been emptied, and a small share of what separates it from the
-    volume that is measured anew. The surface rows around a void have its pressure outside (``air_pressure``), mean of
-    the voids within 2.1 l0. It acts explicitly, in the middle of the leapfrog, which neither damps nor excites a bubble
-    whose period is longer than pi steps; steps are at most a tenth of it. Smaller voids are empty.
+    volume that is measured anew. That is V itself where it is less than half or more than twice as large. The surface
+    rows around a void have its pressure outside (``air_pressure``), mean of the voids within 2.1 l0. It acts
+    explicitly, in the middle of the leapfrog, which neither damps nor excites a bubble whose period is longer than pi
+    steps; steps are at most a tenth of it. Smaller voids are empty.
 
     (This project.)
     """
@@ -62,6 +63,8 @@ class Adiabatic(Air, name="adiabatic"):
                 share = part / whole[before]
                 air += voids.air[before][0] * share if before else part
                 moved += carried[before] * share if before else part
+            if not 0.5 * volume < moved < 2.0 * volume:
+                moved = volume
             pockets[number] = (air, moved + self.relaxation * (volume - moved))
         voids.keep(now, pockets)
         pressures = {number: self._over(*pocket) for number, pocket in pockets.items()}
