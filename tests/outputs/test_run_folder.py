@@ -57,7 +57,7 @@ def test_a_whole_run_leaves_a_complete_folder(tmp_path, width):
     assert summary["us_per_fluid_particle_step"] == pytest.approx(expected)
     assert summary["peak_memory_bytes"] > 1e7
     assert summary["comparison"][0]["gauge"] == "level"
-    assert summary["comparison"][0]["rms"] == pytest.approx(0.02 / np.sqrt(2), rel=0.15)
+    assert summary["comparison"][0]["rms"] == pytest.approx(0.02 / np.sqrt(2), rel=0.2)
     assert summary["version"]
 
     with Image.open(folder / "animation.gif") as animation:

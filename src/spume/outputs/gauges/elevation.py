@@ -25,10 +25,11 @@ class Elevation(Riding, name="elevation"):
 
         χ(x) = (Σ_fluid W + Σ_floor W) l0^d / (1 − Σ_sides W l0^d) = χ_below/2,
 
-    W the Wendland C2 kernel of radius 2.5 l0, χ_below the mean of χ from 2.5 to 4.5 l0 below χ = 1/2 as far as
+    W = (1 − r²/R²)³ over its integral, R = 2.5 l0, χ_below the mean of χ from 2.5 to 4.5 l0 below χ = 1/2 as far as
     there is fluid, and 1 where there is none. χ_below differs from 1 by the arrangement alone: rows beside a
     wall that are nearer to it than half a row by 0.05 l0 would lift the surface χ = 1/2 by 0.05 l0. On a
-    lattice, stretched or not, the surface is the plane half a row above the outermost centres, to 0.01 l0.
+    lattice, stretched or not, the surface is the plane half a row above the outermost centres, to 0.006 l0. Of a
+    wall's column the topmost row, if it is nearer to it by 0.08 l0 than those below, lifts it there by 0.03 l0.
     Solid rows below the water (their wetted side looks up) count as filled, so that a thin layer is seen; those
     beside and above it count as space that is not there, so that a gauge may stand at a wall. A single drop
     fills less than half of the kernel anywhere and is not seen.
@@ -109,7 +110,7 @@ class Elevation(Riding, name="elevation"):
         def fraction(rows: NDArray[np.bool_]) -> NDArray[np.float64]:
             total = np.zeros(len(z))
             r2 = aside2[rows, None] + (z[None, :] - height[rows, None]) ** 2
-            total += cell * np.sum(_wendland(np.sqrt(r2), radius, d), axis=0)
+            total += cell * np.sum(_kernel(np.sqrt(r2), radius, d), axis=0)
             return total
 
         sides = np.minimum(fraction(~wet), 0.95)
@@ -139,11 +140,10 @@ def _looks_up(to_surface: NDArray[np.float64]) -> NDArray[np.bool_]:
     return np.asarray(to_surface[:, -1] > 0.5 * np.linalg.norm(to_surface, axis=1))
 
 
-def _wendland(r: NDArray[np.float64], radius: float, d: int) -> NDArray[np.float64]:
-    """Return Wendland's C2 kernel, whose integral over d-dimensional space is one [m^-d]."""
-    q = np.minimum(r / radius, 1.0)
-    norm = 7.0 / (np.pi * radius**2) if d == 2 else 21.0 / (2.0 * np.pi * radius**3)
-    return norm * (1.0 - q) ** 4 * (4.0 * q + 1.0)
+def _kernel(r: NDArray[np.float64], radius: float, d: int) -> NDArray[np.float64]:
+    """Return (1 - r^2/R^2)^3 over its integral over d-dimensional space [m^-d]."""
+    norm = 4.0 / (np.pi * radius**2) if d == 2 else 315.0 / (64.0 * np.pi * radius**3)
+    return norm * (1.0 - np.minimum(r / radius, 1.0) ** 2) ** 3
 
 
 def _surfaces(z: NDArray[np.float64], chi: NDArray[np.float64], spacing: float) -> tuple[NDArray[np.float64], float]:
