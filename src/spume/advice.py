@@ -18,6 +18,7 @@ from spume.outputs import Snapshot
 from spume.particles import FLUID, WALL
 from spume.prediction import fall_speed
 from spume.problems import point_text
+from spume.schemes.air.adiabatic import Adiabatic
 from spume.voids import enclosed_volumes
 
 if TYPE_CHECKING:
@@ -27,7 +28,6 @@ log = logging.getLogger("spume")
 
 _SAMPLES = 2000  # rows of a fluid that are looked at
 _MONTH = 30 * 86400.0  # s
-_ROOMY = 5.0  # edge of a void that is spoken of [l0]
 _HASTY = (10.0, 50.0)  # speed of a motion, in those of a fall over the fluid's height, and in m/s
 _ALONG_PERIOD = 0.1  # share of gravity along a periodic axis from which on nothing falls out
 
@@ -199,7 +199,7 @@ def _trapping(case: Case, snapshot: Snapshot) -> Iterator[tuple[Location, str]]:
         return
     volumes = enclosed_volumes(snapshot["position"], snapshot["kind"], snapshot.spacing, snapshot.periods)
     cells = [volume / snapshot.spacing**snapshot.dimension for volume in volumes]
-    if cells and cells[0] >= _ROOMY**snapshot.dimension:
+    if cells and cells[0] >= Adiabatic().smallest ** snapshot.dimension:
         yield (
             ("step", "air"),
             f"a void of {volumes[0]:.3g} m^{snapshot.dimension} is enclosed from the beginning, and gives way as if it "

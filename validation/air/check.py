@@ -35,6 +35,18 @@ CASES = [
 """Dimensions, spacing [m], P_0 [Pa]."""
 
 
+def mean_place(case: spume.Case) -> tuple[np.ndarray, np.ndarray]:
+    """Run a case; return the times [s] of its steps, and where the water is along x in the mean [m]."""
+    simulation = case.build(threads=1)
+    times, places = [], []
+    while not simulation.done:
+        simulation.advance()
+        particles = simulation.particles
+        times.append(simulation.time)
+        places.append(particles.numpy("position")[particles.numpy("kind") == FLUID, 0].mean())
+    return np.array(times), np.array(places)
+
+
 def run(d: int, l0: float, pressure: float) -> tuple[np.ndarray, np.ndarray, float]:
     """Return times, displacements of the slug over a, and the exact period [s]."""
     height = 12 * l0
@@ -60,15 +72,8 @@ def run(d: int, l0: float, pressure: float) -> tuple[np.ndarray, np.ndarray, flo
         ],
         step={"name": "project-in-place", "air": {"name": "adiabatic", "pressure": pressure, "exponent": GAMMA}},
     )  # fmt: skip
-    simulation = case.build(threads=1)
-    times, places = [], []
-    while not simulation.done:
-        simulation.advance()
-        particles = simulation.particles
-        x = particles.numpy("position")[particles.numpy("kind") == FLUID, 0].mean()
-        times.append(simulation.time)
-        places.append((x - AIR - SLUG / 2) / AIR)
-    return np.array(times), np.array(places), period
+    t, x = mean_place(case)
+    return t, (x - AIR - SLUG / 2) / AIR, period
 
 
 def joined_columns(l0: float, air: dict[str, object] | str) -> float:
@@ -91,18 +96,11 @@ def joined_columns(l0: float, air: dict[str, object] | str) -> float:
         body=[spume.Wall(name=name, shape=shape, slip="free-slip") for name, shape in walls.items()],
         step={"name": "project-in-place", "air": air},
     )  # fmt: skip
-    simulation = case.build(threads=1)
-    times, places = [], []
-    while not simulation.done:
-        simulation.advance()
-        particles = simulation.particles
-        times.append(simulation.time)
-        places.append(particles.numpy("position")[particles.numpy("kind") == FLUID, 0].mean())
+    t, x = mean_place(case)
 
     def swing(t: np.ndarray, mean: float, a: float, b: float, omega: float, decay: float) -> np.ndarray:
         return mean + np.exp(-decay * t) * (a * np.cos(omega * t) + b * np.sin(omega * t))
 
-    t, x = np.array(times), np.array(places)
     fits = []
     for guess in (4.0, 6.0, 9.0, 13.0):
         found, _ = curve_fit(swing, t, x, p0=[x.mean(), 0.001, 0.0, guess, 0.1], maxfev=20000)

@@ -15,20 +15,13 @@ from pathlib import Path
 import numpy as np
 
 import spume
+from spume.validation.cases.sloshing import DEPTH, IMPACTS, lasting
 from spume.validation.folder import Folder
 from spume.validation.study import reference_file, table
 
 HERE = Path(__file__).parent
-DEPTH, IMPACTS, END = 0.093, (2.375, 4.067), 4.3
+FIRST, END = IMPACTS[:2], 4.5
 MEASURED = "07_sloshing/spheric10_lateral_water_pressure.csv"
-
-
-def largest(t: np.ndarray, p: np.ndarray, instant: float) -> tuple[float, float]:
-    """Return the largest pressure near an impact, and the largest mean over 10 ms [Pa]."""
-    near = np.abs(t - instant) < 0.2
-    fine = np.arange(instant - 0.2, instant + 0.2, 0.0002)
-    mean = np.convolve(np.interp(fine, t, p), np.ones(50) / 50, "valid")
-    return float(p[near].max()), float(mean.max())
 
 
 def main(cells: list[int]) -> None:
@@ -45,15 +38,15 @@ def main(cells: list[int]) -> None:
                 spume.load("sloshing", keys).run(out, threads=1)
                 gauge = Folder(out).gauge("left")
                 t, p = gauge["time"], gauge["pressure"]
-                values = [largest(t, p, instant) for instant in IMPACTS]
+                values = [(float(p[np.abs(t - instant) < 0.4].max()), lasting(t, p, instant)) for instant in FIRST]
                 results.append({"depth/l0": n, "air": air, "largest, mean over 10 ms [Pa]": values})
                 text = ", ".join(f"{peak:.0f} ({mean:.0f})" for peak, mean in values)
                 print(f"depth/l0 = {n}, air {air:9}: largest (over 10 ms) {text} Pa", flush=True)
-                for ax, instant in zip(axes[row], IMPACTS, strict=True):
+                for ax, instant in zip(axes[row], FIRST, strict=True):
                     near = np.abs(t - instant) < 0.12
                     ax.plot(t[near], p[near] / 1e3, lw=0.9, label=f"air: {air}")
             path = reference_file(MEASURED)
-            for ax, instant in zip(axes[row], IMPACTS, strict=True):
+            for ax, instant in zip(axes[row], FIRST, strict=True):
                 if path is not None:
                     time, measured = table(path).T
                     near = np.abs(time - instant) < 0.12

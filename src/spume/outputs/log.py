@@ -61,10 +61,12 @@ class Log(Output):
 
     def _name_units(self, run: RunLike) -> None:
         self._path = run.folder / FILE
-        d = run.simulation.snapshot().dimension
+        snapshot = run.simulation.snapshot()
+        d = snapshot.dimension
         joule = "J" if d == 3 else "J/m"
         of_dimension = {"volume": f"m^{d}", "kinetic_energy": joule, "potential_energy": joule}
-        self._units = UNITS | of_dimension | {"air_pressure": "Pa"}
+        # A statistic that has the name of a field has its unit.
+        self._units = {name: snapshot.unit(name) for name in snapshot.fields} | UNITS | of_dimension
 
     def state(self) -> dict[str, Any]:
         synced(self._file)

@@ -29,7 +29,7 @@ def measure(folder: Folder) -> Measured:
         if t[-1] < instant + 0.4:  # a run that was not to come so far
             break
         metrics[f"peak {k} [Pa]"] = float(p[near].max())
-        metrics[f"peak {k}, mean over 10 ms [Pa]"] = _lasting(t, p, instant)
+        metrics[f"peak {k}, mean over 10 ms [Pa]"] = lasting(t, p, instant)
         times.append(float(t[near][p[near].argmax()]))
     measured = (IMPACTS[-1] - IMPACTS[0]) / 3
     if len(times) == len(IMPACTS):
@@ -39,8 +39,11 @@ def measure(folder: Folder) -> Measured:
     return Measured(metrics, {"left wall, 93 mm above the floor": (t, p)})
 
 
-def _lasting(t: np.ndarray, p: np.ndarray, instant: float, duration: float = 0.01) -> float:
-    """Return the largest mean over a duration [s] around an impact: what the largest single value hides."""
+def lasting(t: np.ndarray, p: np.ndarray, instant: float, duration: float = 0.01) -> float:
+    """Return the largest mean [Pa] over a duration [s] around an impact: what the largest single value hides.
+
+    Times t [s] and pressures p [Pa] have the shape (n,).
+    """
     fine = np.arange(instant - 0.4, instant + 0.4, 0.0005)
     n = round(duration / 0.0005)
     return float(np.convolve(np.interp(fine, t, p), np.ones(n) / n, "valid").max())
