@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import logging
 import math
-import multiprocessing
 import platform
 import shutil
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
@@ -18,6 +19,7 @@ from typing import Any
 from spume.outputs import summary
 from spume.outputs.disk import replace_text
 from spume.validation.folder import Folder, budgets
+from spume.validation.processes import leave_if_orphaned, workers
 from spume.validation.study import Bar, Measured, Run, Study, order
 
 RUNS = "runs"
@@ -120,6 +122,8 @@ def execute(task: Task) -> str:
         if status_of(task.folder, case.to_toml()) == FAILED:
             return FAILED
         raise
+    finally:
+        leave_if_orphaned()
 
 
 def status_of(folder: Path, case: str) -> str:
@@ -144,23 +148,28 @@ def do(tasks: Sequence[Task], jobs: int, say: Say) -> None:
     """
     if not tasks:
         return
-    pool = ProcessPoolExecutor(max_workers=jobs, mp_context=multiprocessing.get_context("spawn"))
-    waiting: dict[Future[str], Task] = {pool.submit(execute, task): task for task in tasks}
     try:
-        while waiting:
-            done, _ = wait(waiting, return_when=FIRST_COMPLETED)
-            for future in done:
-                task = waiting.pop(future)
-                status = _status(future)
-                say(f"{task.folder.parent.parent.name}, {task.run.name}: {status} ({len(waiting)} left)")
-                if status == "interrupted":
-                    raise KeyboardInterrupt
-    except BaseException:
-        for process in multiprocessing.active_children():
-            process.terminate()  # a run writes a checkpoint and ends after its step
-        raise
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
+        with workers(jobs) as pool:
+            _share(deque(tasks), pool, jobs, say)
+    except BrokenProcessPool:
+        say("a process was ended from outside, for want of memory perhaps; the same command goes on with the runs")
+
+
+def _share(queue: deque[Task], pool: ProcessPoolExecutor, jobs: int, say: Say) -> None:
+    """Hand out the tasks of a queue to as many processes as there are jobs."""
+    waiting: dict[Future[str], Task] = {}
+    while queue or waiting:
+        # No more than there are processes: one that has a task in hand begins it, whatever ended the one before.
+        while queue and len(waiting) < jobs:
+            task = queue.popleft()
+            waiting[pool.submit(execute, task)] = task
+        done, _ = wait(waiting, return_when=FIRST_COMPLETED)
+        for future in done:
+            task = waiting.pop(future)
+            status = _status(future)
+            say(f"{task.folder.parent.parent.name}, {task.run.name}: {status} ({len(queue) + len(waiting)} left)")
+            if status == "interrupted":
+                raise KeyboardInterrupt
 
 
 def _status(future: Future[str]) -> str:
