@@ -21,6 +21,7 @@ COARSER = {
     "rolling-tank": 0.02,
     "rotating-square": 0.1,
     "sloshing": 0.0186,
+    "sloshing-3d": 0.0124,
     "standing-wave": 0.1,
     "sway-sloshing": 0.05,
     "taylor-green": 0.05,

@@ -60,31 +60,39 @@ def _reference() -> Mapping[str, Curve]:
     return found
 
 
-def _run(cells: int, end: float = 8.3) -> Run:
-    return Run("sloshing", cells, (f"spacing={DEPTH / cells!r}", f"time.end={end!r}", "output.frames=false"))
-
-
 def _limits(k: int) -> tuple[float, float]:
     mean, deviation = MEASURED[k]
     width = deviation if k == 0 else 2 * deviation
     return mean + width, mean - width
 
 
-STUDY = Study(
-    number="7a",
-    title="Sloshing with lateral impact, SPHERIC test 10, 2D",
-    length="depth/l0",
-    reference="Souto-Iglesias et al. (2011), 100 repetitions: first peak ± 1 SD, others ± 2 SD; no filter",
-    runs=tuple(_run(n) for n in (8, 15, 31)),
-    quick=(_run(5, 2.8),),
-    measure=measure,
-    bars=(
-        Bar("peak 1 [Pa]", *_limits(0), cells=31, quick=(500.0, 40000.0)),
-        *(Bar(f"peak {k + 1} [Pa]", *_limits(k), cells=31) for k in range(1, 4)),
-        Bar(TIME, 0.02, cells=31),
-        Bar(LOST, 0.0, 0.0, cells=31, quick=(0.0, 0.0)),
-    ),
-    panels={
-        "left wall, 93 mm above the floor": Panel("t [s]", "p [Pa]", reference=_reference, limits=(-500.0, 15000.0)),
-    },
-)
+def of(case: str, number: str, sizes: tuple[int, ...], quick: tuple[int, ...]) -> Study:
+    """Return the study of one dimension; quick runs end after the first impact."""
+
+    def run(cells: int, end: float = 8.3) -> Run:
+        return Run(case, cells, (f"spacing={DEPTH / cells!r}", f"time.end={end!r}", "output.frames=false"))
+
+    finest = sizes[-1]
+    return Study(
+        number=number,
+        title=f"Sloshing with lateral impact, SPHERIC test 10, {'3D' if case.endswith('3d') else '2D'}",
+        length="depth/l0",
+        reference="Souto-Iglesias et al. (2011), 100 repetitions: first peak ± 1 SD, others ± 2 SD; no filter",
+        runs=tuple(run(n) for n in sizes),
+        quick=tuple(run(n, 2.8) for n in quick),
+        measure=measure,
+        bars=(
+            Bar("peak 1 [Pa]", *_limits(0), cells=finest, quick=(500.0, 40000.0)),
+            *(Bar(f"peak {k + 1} [Pa]", *_limits(k), cells=finest) for k in range(1, 4)),
+            Bar(TIME, 0.02, cells=finest),
+            Bar(LOST, 0.0, 0.0, cells=finest, quick=(0.0, 0.0)),
+        ),
+        panels={
+            "left wall, 93 mm above the floor": Panel(
+                "t [s]", "p [Pa]", reference=_reference, limits=(-500.0, 15000.0)
+            ),
+        },
+    )
+
+
+STUDY = of("sloshing", "7a", (8, 15, 31), (5,))
