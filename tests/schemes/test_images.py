@@ -20,7 +20,7 @@ from spume.schemes.number_density.base import Original as NumberDensity
 from spume.schemes.shifting.fickian_along_surface import FickianAlongSurface
 from spume.schemes.source.base import DIVERGENCE, SOURCE
 from spume.schemes.source.divergence_density import DivergenceDensity
-from spume.schemes.surface_images import density_of_images, surface_images
+from spume.schemes.surface_images import crowding_of_images, density_of_images, surface_images
 from spume.schemes.velocity_gradient import VELOCITY_GRADIENT, keep_volume
 from spume.schemes.weight.inverse import Inverse
 from spume.schemes.weight.quadratic import Quadratic
@@ -266,6 +266,65 @@ def test_shifting_along_a_flat_surface(d):
     particles.set("position", moved)
     FickianAlongSurface(spray=0.9, supported=0.95)(lattice, particles, pairs, number_density, 0.01)
     assert not particles.numpy("shift")[top].any()
+
+
+@dimensions
+@pytest.mark.parametrize("stretch", [1.0, 0.9])
+def test_the_row_below_a_flat_surface_is_not_shifted(d, stretch):
+    """It misses the neighbour two spacings above; the images of the surface are in its place."""
+    number_density = NumberDensity()
+    velocity = np.random.default_rng(2).uniform(-1, 1, (8 ** (d - 1) * 7, d))
+    (lattice, particles, pairs), depth, top = layer(d, 1.0, stretch, velocity=lambda x: velocity)
+    particles.set("surface_share", top.astype(float))
+    number_density(lattice, particles, pairs)
+    surface_images(ImagedSurface(), lattice, particles, pairs)
+    particles.set("surface_distance", np.full(particles.count, 0.5 * stretch * L0))
+    particles.set("images_near", np.full(particles.count, 7.0))  # other functions keep things there
+    x = particles.numpy("position")
+    second = (depth > 0.5 * stretch * L0) & (depth < 1.5 * stretch * L0)
+    for images, still in ((True, True), (False, False)):
+        particles.set("position", x)
+        FickianAlongSurface(images=images)(lattice, particles, pairs, number_density, 0.01)
+        upward = particles.numpy("shift")[second][:, -1] / L0
+        assert (np.abs(upward).max() < 1e-9) == still
+        assert still or upward.min() > 1e-4
+        middle = (depth > 2.5 * stretch * L0) & (depth < 3.5 * stretch * L0)
+        assert np.abs(particles.numpy("shift")[middle]).max() < 1e-9 * L0
+
+
+@dimensions
+def test_crowding_of_images_is_the_sum_over_them(d):
+    """By a plain loop, on rows out of their places; rows of spray have no images."""
+    (lattice, particles, pairs), _, _ = layer(d)
+    rng = np.random.default_rng(3)
+    particles.set("position", particles.numpy("position") + 0.1 * L0 * rng.uniform(-1, 1, (particles.count, d)))
+    pairs.update(particles)
+    x = particles.numpy("position")
+    top = x[:, -1] > -0.5 * L0
+    share, n = np.where(top, rng.uniform(0.2, 1.0, top.size), 0.0), rng.uniform(4.0, 8.0, top.size)
+    b, delta = rng.uniform(-1, 1, x.shape), L0 * rng.uniform(0.3, 0.7, top.size)
+    for name, values in (("surface_share", share), ("number_density", n), ("images", b), ("surface_distance", delta)):
+        particles.set(name, values)
+    scheme = FickianAlongSurface()
+    crowding_of_images(scheme, lattice, particles, pairs, 5.0, 7.0)
+    near, found = particles.numpy("images_near") > 0, particles.numpy("images_crowding")
+    period, re = 8 * L0, 2.1 * L0
+    n0 = lattice.n0(scheme.weight, 2.1)
+    for i in range(particles.count):
+        total = np.zeros(d)
+        for j in np.flatnonzero(share):
+            r = x[j] - x[i]
+            r[:-1] -= period * np.round(r[:-1] / period)
+            s = np.linalg.norm(r)
+            away = r - 2.0 * delta[j] * b[j] / np.linalg.norm(b[j])
+            if j != i and s < re and np.linalg.norm(away) < re:
+                beta = min(max((n[j] - 5.0) / 2.0, 0.0), 1.0)
+                w = float(scheme.weight.values(np.array([np.linalg.norm(away) / L0]), 2.1)[0])
+                total += d / n0 * share[j] * beta * w * away / (away @ away)
+        if near[i]:
+            assert found[i] == pytest.approx(total, rel=1e-9, abs=1e-9 / L0)
+        else:
+            assert not total.any()
 
 
 def test_mean_of_a_constant_error_is_that_constant():

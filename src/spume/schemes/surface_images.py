@@ -18,6 +18,9 @@ from spume.schemes.operator import Operator
 IMAGES = Field("images", ("d",), "1/m", "minus d/n0 sum of W r/r^2 over the images beyond the surface")
 SURFACE_DISTANCE = Field("surface_distance", (), "m", "distance of a row from the free surface")
 IMAGES_DENSITY = Field("images_density", (), "1", "what the images beyond the surface add to the number density")
+IMAGES_CROWDING = Field(
+    "images_crowding", ("d",), "1/m", "d/n0 sum of W r/r^2 over the images of a row's neighbours", scratch="images"
+)
 AIR_PRESSURE = Field(
     "air_pressure", (), "Pa", "pressure beyond the free surface, of air that is enclosed there", restart=True
 )
@@ -152,6 +155,48 @@ def density_of_images(number_density: Operator, lattice: Lattice, particles: Par
     pair_sum(
         _density_of_images(number_density.weight.function()), particles, pairs, out="images_density",
         weight=number_density.weight, re=re, over=FLUID, arguments=(re,), where="images_near",
+    )  # fmt: skip
+
+
+@kernels.cached
+def _crowding_of_images(weight: Any) -> Any:
+    """Return the term of the crowding that the images bring, for a weight function."""
+
+    @pair_term(
+        reads=("images", "surface_share", "surface_distance", "number_density"), shape=("d",), finish=_scaled_image
+    )
+    def crowding_of_image(a, b, r, w, scale, re, spray, supported):  # type: ignore[no-untyped-def]
+        result = 0.0 * r
+        if b.surface_share > 0.0:
+            to_image = r - 2.0 * b.surface_distance * b.images.normalized(1e-30)
+            away = to_image.norm()
+            if away < re:
+                flat = min(max((b.number_density - spray) / max(supported - spray, 1e-6), 0.0), 1.0)
+                result = b.surface_share * flat * weight(away, re) / (away * away) * to_image
+        return result
+
+    return crowding_of_image
+
+
+def _scaled_image(a, total, scale, re, spray, supported):  # type: ignore[no-untyped-def]
+    return scale * total
+
+
+def crowding_of_images(
+    operator: Operator, lattice: Lattice, particles: Particles, pairs: Pairs, spray: float, supported: float
+) -> None:
+    """Write ``images_crowding`` = d/n0 sum_j theta_j beta_j W(|r'|) r'/|r'|^2 [1/m], r' = r_ij - 2 delta_j n_j.
+
+    beta rises from 0 to 1 where n_j goes from ``spray`` to ``supported``: spray has no surface. The images are those of
+    the free surface at the start of the step. Rows without ``images_near`` have no sum.
+    """
+    re = operator.radius(lattice)
+    row_map(nothing, particles, out="images_near", rows=ANY)
+    pair_mark("surface_share", particles, pairs, out="images_near")
+    pair_sum(
+        _crowding_of_images(operator.weight.function()), particles, pairs, out="images_crowding",
+        weight=operator.weight, re=re, over=FLUID, where="images_near",
+        arguments=(lattice.dimension / operator.n0(lattice), re, spray, supported),
     )  # fmt: skip
 
 

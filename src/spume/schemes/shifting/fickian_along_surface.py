@@ -5,6 +5,7 @@ from typing import Any, ClassVar, Self
 from pydantic import Field as Parameter
 from pydantic import model_validator
 
+from spume import kernels
 from spume.kernels import sqrt
 from spume.lattice import Lattice
 from spume.pairs import Pairs, row_map, row_term
@@ -15,19 +16,36 @@ from spume.schemes.relative_motion import RELATIVE_MOTION, relative_motion
 from spume.schemes.shifting.base import advective_diffusivity
 from spume.schemes.shifting.classes import limited, tangential
 from spume.schemes.shifting.fickian import Fickian
+from spume.schemes.surface_images import IMAGES_CROWDING, crowding_of_images
 
 
-@row_term(reads=("crowding", "surface_share", "surface_normal", "number_density", "relative_motion"))
-def shift(a, constant, relative, spray, supported, largest):  # type: ignore[no-untyped-def]
-    move = (1.0 - a.surface_share) * a.crowding
+@kernels.func
+def displacement(a, inside, constant, relative, spray, supported, largest):  # type: ignore[no-untyped-def]
+    move = (1.0 - a.surface_share) * inside
     if a.surface_share > 0.0:
         share = a.surface_share * min(max((a.number_density - spray) / max(supported - spray, 1e-6), 0.0), 1.0)
         move += share * tangential(a.crowding, a.surface_normal)
     return limited(-min(constant, relative * sqrt(a.relative_motion)) * move, largest)
 
 
+_READS = ("crowding", "surface_share", "surface_normal", "number_density", "relative_motion")
+
+
+@row_term(reads=_READS)
+def shift(a, constant, relative, spray, supported, largest):  # type: ignore[no-untyped-def]
+    return displacement(a, a.crowding, constant, relative, spray, supported, largest)
+
+
+@row_term(reads=(*_READS, "images_crowding", "images_near"))
+def shift_with_images(a, constant, relative, spray, supported, largest):  # type: ignore[no-untyped-def]
+    inside = a.crowding
+    if a.images_near > 0.0:
+        inside += a.images_crowding
+    return displacement(a, inside, constant, relative, spray, supported, largest)
+
+
 class FickianAlongSurface(Fickian, name="fickian-along-surface"):
-    """delta r_i = -D_i [(1 - theta_i) I + theta_i beta_i (I - n_i n_i)] s_i, s_i = d/n0 sum_j W r_ij/r^2.
+    """delta r_i = -D_i [(1 - theta_i) (s_i + s'_i) + theta_i beta_i (I - n_i n_i) s_i], s_i = d/n0 sum_j W r_ij/r^2.
 
     ``fickian`` inside, along the surface on it: rows of a surface that keep their places crowd there in pairs,
     which pushes one of each out of the water. n is the renormalised normal; beta falls from 1 to 0
@@ -40,8 +58,10 @@ class FickianAlongSurface(Fickian, name="fickian-along-surface"):
 
     ids: ClassVar[tuple[str, ...]] = ()
     reference: ClassVar = ("xu2009", "lind2012")
-    needs: ClassVar = (*Fickian.needs, CROWDING, *RELATIVE_MOTION, *NORMAL_FIELDS)
+    needs: ClassVar = (*Fickian.needs, CROWDING, IMAGES_CROWDING, *RELATIVE_MOTION, *NORMAL_FIELDS)
 
+    images: bool = True
+    """Count the images beyond the surface, where the free surface has them."""
     relative: float = Parameter(default=6.5, ge=0.0)
     """Coefficient of the limit A l0 max_j |u_j - u_i| dt of D_i, by how far neighbours move against each other [1]."""
     spray: float = Parameter(default=0.5, ge=0.0, lt=1.0)
@@ -65,11 +85,14 @@ class FickianAlongSurface(Fickian, name="fickian-along-surface"):
         crowding_vector(self, lattice, particles, pairs)
         surface_normals(self, lattice, particles, pairs, where="surface_share")
         n0 = number_density.n0(lattice)
+        spray, supported = self.spray * n0, self.supported * n0
+        counted = self.images and "images" in particles.fields
+        if counted:
+            crowding_of_images(self, lattice, particles, pairs, spray, supported)
         row_map(
-            shift, particles, out="shift", rows=FLUID,
+            shift_with_images if counted else shift, particles, out="shift", rows=FLUID,
             arguments=(
-                coefficient, self.relative * lattice.spacing * dt,
-                self.spray * n0, self.supported * n0, self.largest * lattice.spacing,
+                coefficient, self.relative * lattice.spacing * dt, spray, supported, self.largest * lattice.spacing
             ),
         )  # fmt: skip
         self.shift(lattice, particles, pairs)
