@@ -293,6 +293,26 @@ def test_the_row_below_a_flat_surface_is_not_shifted(d, stretch):
 
 
 @dimensions
+def test_images_crowd_no_row(d):
+    """Where they lie on the fluid's side, as in a sheet with images of both its faces, they are left out."""
+    number_density = NumberDensity()
+    velocity = np.random.default_rng(2).uniform(-1, 1, (8 ** (d - 1) * 7, d))
+    (lattice, particles, pairs), _, top = layer(d, velocity=lambda x: velocity)
+    particles.set("surface_share", top.astype(float))
+    number_density(lattice, particles, pairs)
+    surface_images(ImagedSurface(), lattice, particles, pairs)
+    particles.set("images", -particles.numpy("images"))
+    particles.set("surface_distance", np.full(particles.count, 0.75 * L0))  # half a spacing below the second row
+    x, found = particles.numpy("position"), []
+    for images in (True, False):
+        particles.set("position", x)
+        FickianAlongSurface(images=images)(lattice, particles, pairs, number_density, 0.01)
+        found.append(particles.numpy("shift"))
+    assert found[0] == pytest.approx(found[1], abs=1e-12 * L0)
+    assert np.abs(particles.numpy("images_crowding")).max() > 0.1 / L0
+
+
+@dimensions
 def test_crowding_of_images_is_the_sum_over_them(d):
     """By a plain loop, on rows out of their places; rows of spray have no images."""
     (lattice, particles, pairs), _, _ = layer(d)

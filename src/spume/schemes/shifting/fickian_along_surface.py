@@ -40,19 +40,25 @@ def shift(a, constant, relative, spray, supported, largest):  # type: ignore[no-
 def shift_with_images(a, constant, relative, spray, supported, largest):  # type: ignore[no-untyped-def]
     inside = a.crowding
     if a.images_near > 0.0:
-        inside += a.images_crowding
+        # Images stand for what a row misses. What they would crowd, as in the sheets of a splash, is their own error.
+        completed = -inside.dot(a.images_crowding) / max(a.images_crowding.norm_sqr(), 1e-30)
+        inside += min(max(completed, 0.0), 1.0) * a.images_crowding
     return displacement(a, inside, constant, relative, spray, supported, largest)
 
 
 class FickianAlongSurface(Fickian, name="fickian-along-surface"):
-    """delta r_i = -D_i [(1 - theta_i) (s_i + s'_i) + theta_i beta_i (I - n_i n_i) s_i], s_i = d/n0 sum_j W r_ij/r^2.
+    """delta r_i = -D_i [(1 - theta_i) (s_i + c_i s'_i) + theta_i beta_i (I - n_i n_i) s_i], s = d/n0 sum_j W r_ij/r^2.
 
     ``fickian`` inside, along the surface on it: rows of a surface that keep their places crowd there in pairs,
     which pushes one of each out of the water. n is the renormalised normal; beta falls from 1 to 0
     between 0.65 and 0.5 n0, for spray has no surface to go along. No row is sorted into classes, so none
     jumps. D_i is that of ``fickian``, but at most A l0 max_j |u_j - u_i| dt: rows that do not move against each other
     do not become disordered, and water that is almost at rest, shifted at each step all the same, sinks into
-    itself by a part of a thousand and feeds its waves. Conserves nothing, as it moves rows without their reaction.
+    itself by a part of a thousand and feeds its waves. s' is the same sum over the images that a free surface with
+    such (``imaged``) has beyond it, c in 0 ... 1 what makes the length of the whole least: images make up for
+    neighbours that are missing and crowd none. Without them the row below the surface misses the neighbour two
+    spacings above it, presses upwards, and one particle after the other gets into the outermost row. Conserves
+    nothing, as it moves rows without their reaction.
     (This project; Xu 2009 with the tangential part of Lind 2012.)
     """
 
