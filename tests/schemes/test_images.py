@@ -282,14 +282,17 @@ def test_the_row_below_a_flat_surface_is_not_shifted(d, stretch):
     particles.set("images_near", np.full(particles.count, 7.0))  # other functions keep things there
     x = particles.numpy("position")
     second = (depth > 0.5 * stretch * L0) & (depth < 1.5 * stretch * L0)
-    for images, still in ((True, True), (False, False)):
+    middle = (depth > 2.5 * stretch * L0) & (depth < 3.5 * stretch * L0)
+    upward = {}
+    for share, images in ((1.0, False), (1.0, True), (0.5, True)):
         particles.set("position", x)
+        particles.set("surface_share", share * top)
         FickianAlongSurface(images=images)(lattice, particles, pairs, number_density, 0.01)
-        upward = particles.numpy("shift")[second][:, -1] / L0
-        assert (np.abs(upward).max() < 1e-9) == still
-        assert still or upward.min() > 1e-4
-        middle = (depth > 2.5 * stretch * L0) & (depth < 3.5 * stretch * L0)
         assert np.abs(particles.numpy("shift")[middle]).max() < 1e-9 * L0
+        upward[share, images] = particles.numpy("shift")[second][:, -1]
+    assert upward[1.0, False].min() > 1e-4 * L0
+    assert np.abs(upward[1.0, True]).max() < 1e-9 * L0
+    assert upward[0.5, True] == pytest.approx(0.5 * upward[1.0, False], rel=1e-9), "half of them make up for half"
 
 
 @dimensions

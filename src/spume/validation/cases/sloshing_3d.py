@@ -2,4 +2,4 @@
 
 from spume.validation.cases.sloshing import of
 
-STUDY = of("sloshing-3d", "7f", (9, 15, 30), ())
+STUDY = of("sloshing-3d", "7f", (9, 15, 21), ())
