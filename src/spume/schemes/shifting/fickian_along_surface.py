@@ -16,7 +16,7 @@ from spume.schemes.relative_motion import RELATIVE_MOTION, relative_motion
 from spume.schemes.shifting.base import advective_diffusivity
 from spume.schemes.shifting.classes import limited, tangential
 from spume.schemes.shifting.fickian import Fickian
-from spume.schemes.surface_images import IMAGES_CROWDING, crowding_of_images
+from spume.schemes.surface_images import IMAGES_CROWDING, IMAGES_DENSITY, crowding_of_images
 
 
 @kernels.func
@@ -92,7 +92,8 @@ class FickianAlongSurface(Fickian, name="fickian-along-surface"):
         surface_normals(self, lattice, particles, pairs, where="surface_share")
         n0 = number_density.n0(lattice)
         spray, supported = self.spray * n0, self.supported * n0
-        counted = self.images and "images" in particles.fields
+        # The gradient ``imaged`` has images beside any detection; only the free surface of this name is made of them.
+        counted = self.images and IMAGES_DENSITY.name in particles.fields
         if counted:
             crowding_of_images(self, lattice, particles, pairs, spray, supported)
         row_map(
