@@ -58,7 +58,7 @@ FORMS = {
     "shifting fickian, strength 0.3": "step.shifting={name='fickian', strength=0.3}",
     "shifting fickian, strength 0.5": "step.shifting={name='fickian', strength=0.5}",
     "shifting fickian, advective 2": "step.shifting={name='fickian', advective=2.0}",
-    "shifting along the surface, without images": "step.shifting.images=false",
+    "shifting along the surface, without images": "step.shifting={name='fickian-along-surface', images=false}",
     "gradient cmps, consistent": "step.gradient={name='cmps', form='consistent'}",
     "gradient stabilised, consistent": "step.gradient={name='stabilised', form='consistent'}",
     "source divergence-density, 0.2": "step.source={name='divergence-density', gamma=0.2}",
