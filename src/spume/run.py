@@ -6,7 +6,6 @@ import logging
 import math
 import os
 import signal
-import threading
 import time as wall
 import tomllib
 from collections import deque
@@ -23,6 +22,7 @@ from spume.outputs import Outputs, outputs_of
 from spume.outputs.disk import replace_text
 from spume.problems import Origin
 from spume.progress import Progress
+from spume.signals import handled
 from spume.toml import flattened
 
 if TYPE_CHECKING:
@@ -422,16 +422,5 @@ def _stop_requested() -> Iterator[_Stop]:
         stop.now(f"stopped by {name}", hurried=name != "SIGINT")
         log.warning("stopping after this step; interrupt again to stop at once")
 
-    if threading.current_thread() is not threading.main_thread():  # signals belong to the main thread
+    with handled(_SIGNALS, request):
         yield stop
-        return
-    numbers = [getattr(signal, name) for name in _SIGNALS if hasattr(signal, name)]
-    # What the shell told the program to ignore (nohup) is ignored.
-    before = {n: signal.getsignal(n) for n in numbers if signal.getsignal(n) is not signal.SIG_IGN}
-    for number in before:
-        signal.signal(number, request)
-    try:
-        yield stop
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

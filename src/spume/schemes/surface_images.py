@@ -120,6 +120,18 @@ def mean_distance(a, nearest):  # type: ignore[no-untyped-def]
     return (nearest * a.surface_distance + a.distance_around) / (nearest + a.share_around)
 
 
+@kernels.func
+def to_image(b, r):  # type: ignore[no-untyped-def]
+    """Return the vector to the image of a row that lies at r."""
+    return r - 2.0 * b.surface_distance * b.images.normalized(1e-30)
+
+
+@kernels.func
+def no_spray(a, spray, supported):  # type: ignore[no-untyped-def]
+    """Return 0 for rows of spray, rising to 1 where the number density goes from ``spray`` to ``supported``."""
+    return min(max((a.number_density - spray) / max(supported - spray, 1e-6), 0.0), 1.0)
+
+
 @kernels.cached
 def _density_of_images(weight: Any) -> Any:
     """Return the term of n that the images bring, for a weight function."""
@@ -135,7 +147,7 @@ def _density_of_images(weight: Any) -> Any:
     def density_of_image(a, b, r, w, re):  # type: ignore[no-untyped-def]
         result = 0.0 * w
         if b.surface_share > 0.0:
-            away = (r - 2.0 * b.surface_distance * b.images.normalized(1e-30)).norm()
+            away = to_image(b, r).norm()
             if away < re:
                 result = b.surface_share * weight(away, re)
         return result
@@ -168,11 +180,11 @@ def _crowding_of_images(weight: Any) -> Any:
     def crowding_of_image(a, b, r, w, scale, re, spray, supported):  # type: ignore[no-untyped-def]
         result = 0.0 * r
         if b.surface_share > 0.0:
-            to_image = r - 2.0 * b.surface_distance * b.images.normalized(1e-30)
-            away = to_image.norm()
+            image = to_image(b, r)
+            away = image.norm()
             if away < re:
-                flat = min(max((b.number_density - spray) / max(supported - spray, 1e-6), 0.0), 1.0)
-                result = b.surface_share * flat * weight(away, re) / (away * away) * to_image
+                flat = no_spray(b, spray, supported)
+                result = b.surface_share * flat * weight(away, re) / (away * away) * image
         return result
 
     return crowding_of_image

@@ -11,6 +11,8 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from typing import Any
 
+from spume.signals import handled
+
 _SIGNALS = ("SIGTERM", "SIGHUP")
 
 
@@ -21,7 +23,7 @@ def workers(jobs: int) -> Iterator[ProcessPoolExecutor]:
     Signals that ask this process to end become a KeyboardInterrupt inside the block. If it is killed outright, the
     workers see that it is gone.
     """
-    with _interrupted_by_signals():
+    with handled(_SIGNALS, _interrupt):
         pool = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), initializer=_follow_parent)
         try:
             yield pool
@@ -53,23 +55,6 @@ def _follow_parent() -> None:
     threading.Thread(target=follow, daemon=True).start()
 
 
-@contextmanager
-def _interrupted_by_signals() -> Iterator[None]:
-    """Have signals that ask to end raise KeyboardInterrupt, as SIGINT does."""
-
-    def interrupt(number: int, frame: Any) -> None:
-        raise KeyboardInterrupt
-
-    if threading.current_thread() is not threading.main_thread():  # signals belong to the main thread
-        yield
-        return
-    numbers = [getattr(signal, name) for name in _SIGNALS if hasattr(signal, name)]
-    # What the shell told the program to ignore (nohup) is ignored.
-    before = {n: signal.getsignal(n) for n in numbers if signal.getsignal(n) is not signal.SIG_IGN}
-    for number in before:
-        signal.signal(number, interrupt)
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+def _interrupt(number: int, frame: Any) -> None:
+    """Do as SIGINT does."""
+    raise KeyboardInterrupt

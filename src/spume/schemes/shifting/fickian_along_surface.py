@@ -9,21 +9,21 @@ from spume import kernels
 from spume.kernels import sqrt
 from spume.lattice import Lattice
 from spume.pairs import Pairs, row_map, row_term
-from spume.particles import FLUID, Particles
+from spume.particles import FLUID, Field, Particles
 from spume.schemes.crowding import CROWDING, crowding_vector
 from spume.schemes.normal import NORMAL_FIELDS, surface_normals
 from spume.schemes.relative_motion import RELATIVE_MOTION, relative_motion
 from spume.schemes.shifting.base import advective_diffusivity
 from spume.schemes.shifting.classes import limited, tangential
 from spume.schemes.shifting.fickian import Fickian
-from spume.schemes.surface_images import IMAGES_CROWDING, IMAGES_DENSITY, crowding_of_images
+from spume.schemes.surface_images import IMAGES_CROWDING, IMAGES_DENSITY, crowding_of_images, no_spray
 
 
 @kernels.func
 def displacement(a, inside, constant, relative, spray, supported, largest):  # type: ignore[no-untyped-def]
     move = (1.0 - a.surface_share) * inside
     if a.surface_share > 0.0:
-        share = a.surface_share * min(max((a.number_density - spray) / max(supported - spray, 1e-6), 0.0), 1.0)
+        share = a.surface_share * no_spray(a, spray, supported)
         move += share * tangential(a.crowding, a.surface_normal)
     return limited(-min(constant, relative * sqrt(a.relative_motion)) * move, largest)
 
@@ -74,6 +74,10 @@ class FickianAlongSurface(Fickian, name="fickian-along-surface"):
     """Fraction of n0 up to which a surface row is spray, which is not shifted [1]."""
     supported: float = Parameter(default=0.65, gt=0.0, le=1.0)
     """Fraction of n0 from which a surface row is shifted along the surface in full [1]."""
+
+    def needed(self) -> tuple[Field, ...]:
+        """Return the needed fields, without what only ``images`` uses."""
+        return tuple(f for f in super().needed() if self.images or f != IMAGES_CROWDING)
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
